@@ -1,0 +1,1 @@
+"""Co-simulation of haptic teleoperation: scenarios, master algorithm, stability, identification, the loop closed with data."""

@@ -1,0 +1,112 @@
+"""The command line: each command is one module of this package, imported only when it is the one asked for.
+
+A module `cosim/cli/<name>.py` (dashes as underscores) defines `command(...)` with typer annotations, or `app`, a
+`typer.Typer` with subcommands. Exit codes: 0 done, 1 the run failed, 2 bad input, 130 interrupted.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import wraps
+from importlib import import_module
+
+COMMANDS = {
+    "list": "shipped scenarios and sweeps, one line each",
+    "show": "wiring, units, added delays, step sizes; runs nothing",
+    "run": "one co-simulation: summary.json, result.h5, report.html",
+    "stability": "criteria, spectrum and simulation side by side",
+    "sweep": "a batch stability sweep; the same folder again: resumes",
+    "identify": "Taati's identification from measured data",
+    "close-loop": "residual, missing effect, effect added, error before and after",
+    "arm": "the arm itself: workspace, dissect, counterbalance",
+    "export": "FMUs and the wired system for other tools",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    if words in (["--version"], ["-V"]):
+        print(_version())
+        sys.exit(0)
+    _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
+
+
+def _app(name: str | None, debug: bool):
+    """The typer app with the one command that was asked for, or with every command's one-line help."""
+    import typer
+
+    app = typer.Typer(
+        add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True, rich_markup_mode=None,
+        help="Co-simulation of haptic teleoperation. Every command: --help, --debug (show tracebacks).",
+    )  # fmt: skip
+    app.callback()(_nothing)
+    if name is None:
+        for command, help_line in COMMANDS.items():
+            app.command(command, help=help_line)(_nothing)
+    else:
+        _register(app, name, debug)
+    return app
+
+
+def _nothing() -> None:
+    """Stand in for a command whose module is not imported."""
+
+
+def _register(app, name: str, debug: bool) -> None:
+    try:
+        module = import_module(f"cosim.cli.{name.replace('-', '_')}")
+    except ModuleNotFoundError as error:
+        if debug:
+            raise
+        _leave(error, 1)
+    group = getattr(module, "app", None)
+    if group is None:
+        app.command(name)(guarded(module.command, debug))
+        return
+    for info in group.registered_commands:
+        info.callback = guarded(info.callback, debug)
+    app.add_typer(group, name=name, help=COMMANDS[name])
+
+
+def guarded(function: Callable, debug: bool) -> Callable:
+    """The command with its exceptions as messages and exit codes; tracebacks pass only with `debug`."""
+    from cosim.errors import InputError, RunError
+
+    @wraps(function)
+    def command(*args, **options):
+        try:
+            return function(*args, **options)
+        except Exception as error:
+            if debug:
+                raise
+            _leave(error, {InputError: 2, RunError: 1}.get(type(error), 1))
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            sys.exit(130)
+
+    return command
+
+
+def _leave(error: Exception, code: int) -> None:
+    """One message on stderr, then out: the words of our own errors, the kind of the others."""
+    from cosim.errors import InputError, RunError
+
+    if isinstance(error, InputError):
+        count = len(error.problems)
+        print(f"{count} problem{'s' if count != 1 else ''} in the input:", file=sys.stderr)
+        print("\n".join(f"  {problem}" for problem in error.problems), file=sys.stderr)
+    elif isinstance(error, ModuleNotFoundError):
+        print(f"error: this command needs {error.name}, which is not installed", file=sys.stderr)
+    elif isinstance(error, (RunError, OSError)):
+        print(f"error: {error}", file=sys.stderr)
+    else:
+        print(f"internal error: {type(error).__name__}: {error} (--debug shows where)", file=sys.stderr)
+    sys.exit(code)
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return f"cosim {version('haptic-cosim')}"

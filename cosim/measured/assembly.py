@@ -1,0 +1,190 @@
+"""Files to a Recording: descriptions found, units applied, runs separated, repairs made, held-out rows marked."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.errors import InputError, Problem
+from cosim.measured import doubts, units
+from cosim.measured.description import Columns, Description, load_description
+from cosim.measured.reader import Table, needed, read_table
+from cosim.measured.recording import Recording, Run
+from cosim.measured.repairs import Stretch, repair
+
+# What scenario `identification` records: encoder angles and the amplifier's command (Taati 2: command / 2.7 = torque).
+COMMAND_SCALE = 2.7
+SIMULATED = Description(
+    columns=Columns(
+        q=("arm.q[1]", "arm.q[2]", "arm.q[3]"),
+        tau=("controller.tau[1]", "controller.tau[2]", "controller.tau[3]"),
+        q_ref=("excitation.q_ref[1]", "excitation.q_ref[2]", "excitation.q_ref[3]"),
+    ),
+    source="scenario identification",
+)
+
+
+@frozen(eq=False)
+class _Part:
+    """Rows of one run in a file, before repair: columns by role, split labels or None."""
+
+    name: str
+    rows: np.ndarray
+    test: np.ndarray | None
+
+
+def read(
+    paths: Iterable[Path | str], test: Iterable[Path | str] = (), description: Path | str | Description | None = None
+) -> Recording:
+    """Read files into one recording; `test` files are held out.
+
+    Held-out rows: those of `test`, else of the split column, else the second half of each recording.
+    Raises InputError with what is wrong where; repairs are in the recording's `warnings`.
+    """
+    fit, held = [Path(path) for path in paths], [Path(path) for path in test]
+    if not fit:
+        raise InputError(Problem("files", "at least one recording", "none"))
+    tables = [(read_table(path), path in held and path not in fit) for path in fit]
+    tables += [(read_table(path), True) for path in held]
+    _same_file_twice(fit, held)
+    chosen = _description([table for table, _ in tables], description)
+    warnings: list[str] = [note for table, _ in tables for note in table.warnings]
+    runs = _runs(tables, chosen, warnings.append)
+    runs = _held_out(runs, bool(held), warnings.append)
+    recording = Recording(chosen, tuple(runs), tuple(warnings), tuple(str(path) for path in (*fit, *held)))
+    return evolve(recording, warnings=(*warnings, *doubts.check(recording)))
+
+
+def _same_file_twice(fit: Sequence[Path], held: Sequence[Path]) -> None:
+    both = sorted({p.resolve() for p in fit} & {p.resolve() for p in held})
+    if both:
+        raise InputError(Problem("--test", "files that are not fitted", str(both[0]), "leave it out of one of the two"))
+
+
+def _description(tables: Sequence[Table], given: Path | str | Description | None) -> Description:
+    """The one description of all files: given, else beside the files, else the plain PHANToM one."""
+    if isinstance(given, Description):
+        return given
+    if given is not None:
+        return load_description(given)
+    beside = {p: load_description(p) for t in tables if (p := t.path.with_suffix(".toml")).is_file()}
+    if not beside:
+        return _default(tables[0])
+    first, *rest = beside.items()
+    for path, other in rest:
+        if evolve(other, source="") != evolve(first[1], source=""):
+            advice = "files of one call need the same description"
+            raise InputError(Problem(str(path), f"the same as {first[0]}", "another description", advice))
+    return first[1]
+
+
+def _default(table: Table) -> Description:
+    if all(name in table.columns for name in SIMULATED.columns.q):
+        columns = SIMULATED.columns
+        references = columns.q_ref if all(name in table.columns for name in columns.q_ref) else ()
+        scale = {"tau": (1 / _command_scale(table),)}
+        return evolve(SIMULATED, columns=evolve(columns, q_ref=references), scale=scale)
+    return Description()
+
+
+def _command_scale(table: Table) -> float:
+    """The scale a simulated recording states itself, else Taati's 2.7."""
+    stated = table.columns.get("controller.command_scale")
+    return float(stated[0]) if stated is not None and len(stated) and stated[0] > 0 else COMMAND_SCALE
+
+
+def _runs(tables: Sequence[tuple[Table, bool]], description: Description, note) -> list[tuple[Run, bool | None]]:
+    """Repaired runs; beside each: held out as a whole (True), by its own mask (None), or not said (False)."""
+    runs, problems = [], []
+    several = len(tables) > 1
+    for table, held in tables:
+        try:
+            columns = needed(table, description)
+            for part in _parts(table.path.stem, columns, description, several):
+                runs += _repaired(part, columns, description, held, note)
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return runs
+
+
+def _parts(stem: str, columns: dict[str, np.ndarray], description: Description, several: bool) -> list[_Part]:
+    """Rows of each run label; a run may not be joined to another."""
+    names = description.columns
+    count = len(columns[names.time])
+    test = _split(stem, columns[names.split]) if names.split else None
+    if not names.run:
+        return [_Part(stem, np.arange(count), test)]
+    labels = columns[names.run]
+    order = list(dict.fromkeys(labels.tolist()))
+    rows = [np.flatnonzero(labels == label) for label in order]
+    return [
+        _Part(f"{stem}:{label}" if several else label, row, None if test is None else test[row])
+        for label, row in zip(order, rows, strict=True)
+    ]
+
+
+def _split(stem: str, labels: np.ndarray) -> np.ndarray:
+    lower = np.char.lower(np.char.strip(labels.astype(str)))
+    wrong = sorted(set(lower.tolist()) - {"train", "test"})
+    if wrong:
+        raise InputError(Problem(f"{stem}: split", "train or test", ", ".join(map(repr, wrong[:4]))))
+    if (lower == "test").all():
+        raise InputError(Problem(f"{stem}: split", "rows to fit on", "test rows only"))
+    return lower == "test"
+
+
+def _repaired(part: _Part, columns, description: Description, held: bool, note) -> list[tuple[Run, bool | None]]:
+    layout = _layout(description)
+    signals = np.column_stack([columns[name][part.rows] * factor for _, name, factor in layout])
+    time = columns[description.columns.time][part.rows] * description.factor("time", 0)
+    test = np.zeros(len(part.rows), bool) if part.test is None else part.test
+    positions = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("q", "q_ref"))
+    names = tuple(name for _, name, _ in layout)
+    stretch = Stretch(part.name, time, signals, names, test, positions, not description.prismatic)
+    whole = True if held else (None if part.test is not None else False)
+    return [(_run(piece, layout), whole) for piece in repair(stretch, note)]
+
+
+def _layout(description: Description) -> list[tuple[str, str, float]]:
+    """(role, column, factor to SI) of every signal except time."""
+    names = description.columns
+    layout = [
+        (role, name, description.factor(role, k))
+        for role in ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
+        for k, name in enumerate(getattr(names, role))
+    ]
+    layout += [("rigid", names.rigid, description.factor("rigid", 0))] if names.rigid else []
+    return layout + [("other", name, _other_factor(unit)) for name, unit in names.other.items()]
+
+
+def _other_factor(unit: str) -> float:
+    return units.FACTORS.get(units.spelled(unit), ("", 1.0))[1]
+
+
+def _run(stretch: Stretch, layout) -> Run:
+    def block(role: str) -> np.ndarray | None:
+        columns = [k for k, (r, _, _) in enumerate(layout) if r == role]
+        return np.ascontiguousarray(stretch.signals[:, columns]) if columns else None
+
+    rigid = block("rigid")
+    other = {name: stretch.signals[:, k].copy() for k, (role, name, _) in enumerate(layout) if role == "other"}
+    return Run(
+        name=stretch.name, time=stretch.time, q=block("q"), tau=block("tau"), test=stretch.test, dq=block("dq"),
+        ddq=block("ddq"), q_ref=block("q_ref"), force=block("force"), regressor=block("regressor"),
+        rigid=None if rigid is None else rigid[:, 0], other=other,
+    )  # fmt: skip
+
+
+def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note) -> list[Run]:
+    """Mark the held-out rows by the rule of the contract."""
+    split = any(whole is None for _, whole in runs)
+    if test_given or split:
+        marked = [evolve(run, test=np.ones(len(run), bool)) if whole is True else run for run, whole in runs]
+        if not any(run.train.any() for run in marked):
+            raise InputError(Problem("split", "rows to fit on", "held-out rows only"))
+        return marked
+    note("no --test and no split column: the second half of each recording is held out")
+    return [evolve(run, test=np.arange(len(run)) >= len(run) // 2) for run, _ in runs]

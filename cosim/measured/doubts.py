@@ -1,0 +1,174 @@
+"""Recordings that read well and are still wrong: constant channels, wrong units, split rows that touch, filtered data."""
+
+import numpy as np
+
+from cosim.errors import InputError, Problem
+from cosim.measured.recording import Recording, Run
+
+TURN = 2 * np.pi
+PHANTOM_TORQUE = 10.0  # N m: the device peaks at 8.5 N on 0.4 m (PHYSICS.md 1); more is another unit
+SUSPECT = ((180 / np.pi, "deg"), (np.pi / 180, "rad where deg is said"), (1e3, "thousandths (m[...])"), (1e-3, "thousands"))
+
+
+def check(recording: Recording) -> list[str]:
+    """Doubts in words. Raises InputError for a dead channel or a unit that cannot be right."""
+    problems = _constant(recording) + _angles(recording) + _torques(recording)
+    velocity_problems, notes = _velocities(recording)
+    if problems + velocity_problems:
+        raise InputError(problems + velocity_problems)
+    return notes + _stuck_in_some(recording) + _interleaved(recording) + _filtered(recording) + _outside(recording)
+
+
+def _constant(recording: Recording) -> list[Problem]:
+    problems = []
+    columns = recording.description.columns
+    for role, advice in (("q", "a stuck encoder, or a joint that was never moved?"), ("tau", "a dead torque channel?")):
+        for joint, name in enumerate(getattr(columns, role)):
+            values = {float(v) for run in recording.runs for v in _extremes(getattr(run, role)[:, joint])}
+            if len(values) == 1:
+                problems.append(Problem(f"column {name!r}", "a signal that varies", f"{values.pop():g} everywhere", advice))
+    return problems
+
+
+def _extremes(values: np.ndarray) -> tuple[float, float]:
+    return values.min(), values.max()
+
+
+def _stuck_in_some(recording: Recording) -> list[str]:
+    notes, columns = [], recording.description.columns
+    for role in ("q", "tau"):
+        for joint, name in enumerate(getattr(columns, role)):
+            stuck = [run.name for run in recording.runs if np.ptp(getattr(run, role)[:, joint]) == 0]
+            if stuck:
+                notes.append(f"column {name!r} is constant in run(s) {', '.join(stuck[:6])}")
+    return notes
+
+
+def _angles(recording: Recording) -> list[Problem]:
+    """A PHANToM joint cannot leave +-pi: larger numbers are degrees or counts."""
+    if recording.device != "phantom":
+        return []
+    largest = max(np.abs(run.q).max() for run in recording.runs)
+    if largest <= TURN:
+        return []
+    got = f"up to {largest:.4g}"
+    return [Problem("columns of q", "rad, within the PHANToM's +-3", got, 'if they are degrees, say [units] q = "deg"')]
+
+
+def _torques(recording: Recording) -> list[Problem]:
+    if recording.device != "phantom":
+        return []
+    largest = max(np.abs(run.tau).max() for run in recording.runs)
+    if largest <= PHANTOM_TORQUE:
+        return []
+    advice = 'if they are mN m, say [units] tau = "mN.m"; amplifier commands need a [scale]'
+    return [Problem("columns of tau", "N m, a PHANToM gives less than 2", f"up to {largest:.4g}", advice)]
+
+
+def _velocities(recording: Recording) -> tuple[list[Problem], list[str]]:
+    """Slope of the dq column over the differentiated q column: 1, or a unit is wrong."""
+    problems, notes = [], []
+    for joint, name in enumerate(recording.description.columns.dq):
+        slope = _slope(recording.runs, joint)
+        if slope is None or 0.9 < slope < 1.1:
+            continue
+        unit = next((text for factor, text in SUSPECT if 0.85 < slope / factor < 1.15), None)
+        if unit:
+            got = f"{slope:.4g} times it"
+            problems.append(Problem(f"column {name!r}", "the derivative of q", got, f"is it in {unit}? see [units]"))
+        else:
+            notes.append(f"column {name!r} is {slope:.3g} times the derivative of q: not the same motion, or filtered")
+    return problems, notes
+
+
+def _slope(runs: tuple[Run, ...], joint: int) -> float | None:
+    """Least-squares slope of dq against q'(t), both averaged over 20 ms to quiet the encoder."""
+    top = bottom = 0.0
+    for run in runs:
+        width = max(int(round(0.02 / run.step)), 1)
+        rows = len(run) // width * width
+        if run.dq is None or rows < 3 * width:
+            continue
+        means = run.dq[:rows, joint].reshape(-1, width).mean(axis=1)
+        ends = run.q[width::width, joint] - run.q[:-width:width, joint]
+        count = min(len(means), len(ends))
+        rate = ends[:count] / (width * run.step)
+        top, bottom = top + means[:count] @ rate, bottom + rate @ rate
+    return top / bottom if bottom > 0 else None
+
+
+def _interleaved(recording: Recording) -> list[str]:
+    """Held-out rows that continue training rows after a second or two are not independent of them."""
+    edges = []
+    for run in recording.runs:
+        switches = int(np.abs(np.diff(run.test.astype(int))).sum())
+        if switches > 1:
+            edges.append((switches, len(run) * run.step / (switches + 1)))
+    joined = [(a, b) for a, b in zip(recording.runs, recording.runs[1:], strict=False) if _continues(a, b)]
+    mixed = [pair for pair in joined if pair[0].test.all() != pair[1].test.all()]
+    if len(mixed) > 1:
+        edges.append((len(mixed), float(np.mean([len(a) * a.step for a, _ in mixed]))))
+    return [
+        f"held-out rows alternate with training rows ({count} times, pieces of about {length:.2g} s of one motion): "
+        "they are not independent, the held-out error is too good"
+        for count, length in edges
+    ]
+
+
+def _continues(first: Run, second: Run) -> bool:
+    """Whether the second run starts, in motion, where the first one stops."""
+    step = np.diff(first.q, axis=0)
+    usual = np.abs(step).mean(axis=0)
+    last, first_next = step[-5:].mean(axis=0), np.diff(second.q[:6], axis=0).mean(axis=0)
+    moving = np.abs(last) > 0.3 * usual
+    joins = np.abs(second.q[0] - first.q[-1] - (last + first_next) / 2) < 0.5 * usual + 1e-12
+    return bool(moving.any() and joins.all())
+
+
+def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
+    """Frequency, as a share of the Nyquist frequency, above which a low-pass filter has emptied the spectrum.
+
+    `order` differences are taken first, which flattens the spectrum of a position. The mark of a filter is a sharp
+    fall: four decades of power within half an octave that stays down. None where there is no such mark.
+    """
+    from scipy.signal import welch
+
+    for _ in range(order):
+        signal = np.diff(signal)
+    if len(signal) < 512 or np.ptp(signal) == 0:
+        return None
+    frequency, power = welch(signal - signal.mean(), fs=2.0, nperseg=min(1024, len(signal) // 2), window="blackmanharris")
+    smooth = np.exp(np.convolve(np.log(power + 1e-300), np.ones(9) / 9, mode="same"))
+    for k in range(16, len(frequency) - 8):
+        above = min(int(k * 1.5), len(frequency) - 8)
+        if above > k + 8 and smooth[above:-6].max() < 1e-4 * smooth[k]:
+            return float(frequency[k])
+    return None
+
+
+def _filtered(recording: Recording) -> list[str]:
+    """Warn where one side of the equation was low-passed and the other was not."""
+    notes = []
+    for joint, label in enumerate(recording.joints):
+        longest = max(recording.runs, key=len)
+        marks = {"q": low_passed(longest.q[:, joint], 2), "tau": low_passed(longest.tau[:, joint])}
+        found = [name for name, mark in marks.items() if mark is not None]
+        if len(found) == 1:
+            other = "tau" if found == ["q"] else "q"
+            nyquist = 0.5 / longest.step
+            notes.append(f"{label}: {found[0]} was low-pass filtered near {marks[found[0]] * nyquist:.3g} Hz and {other} was "
+                         "not: a lag between the two sides may be the filter's, and errors above it are not the model's")  # fmt: skip
+    return notes
+
+
+def _outside(recording: Recording) -> list[str]:
+    """Count held-out rows whose position leaves the range of the training rows."""
+    train = [run.q[run.train] for run in recording.runs if run.train.any()]
+    held = [run.q[run.test] for run in recording.runs if run.test.any()]
+    if not train or not held:
+        return []
+    fit, test = np.concatenate(train), np.concatenate(held)
+    margin = 0.02 * np.ptp(fit, axis=0)
+    out = ((test < fit.min(axis=0) - margin) | (test > fit.max(axis=0) + margin)).any(axis=1)
+    count = int(out.sum())
+    return [f"{count} of {len(test)} held-out rows leave the range of q of the training rows"] if count else []

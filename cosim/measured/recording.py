@@ -1,0 +1,61 @@
+"""A recorded experiment: runs on an even time grid, in SI units, with the rows that are held out marked."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import field, frozen
+
+from cosim.measured.description import Description
+
+
+@frozen(eq=False)
+class Run:
+    """One uninterrupted stretch of recording with n rows, nj joints and an even step.
+
+    time (n,) [s]; q, tau, dq, ddq, q_ref (n, nj) [SI of the description]; force (n, 3) [N], tip, base frame;
+    regressor (n, p) and rigid (n,) for device "regressor"; test (n,) marks the held-out rows. None: not recorded.
+    """
+
+    name: str
+    time: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray
+    test: np.ndarray
+    dq: np.ndarray | None = None
+    ddq: np.ndarray | None = None
+    q_ref: np.ndarray | None = None
+    force: np.ndarray | None = None
+    regressor: np.ndarray | None = None
+    rigid: np.ndarray | None = None
+    other: Mapping[str, np.ndarray] = field(factory=dict)
+
+    @property
+    def step(self) -> float:
+        """Sampling period [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def train(self) -> np.ndarray:
+        """Rows to fit on, (n,) bool."""
+        return ~self.test
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@frozen(eq=False)
+class Recording:
+    """Runs of one device, where they came from, and every repair and doubt in words."""
+
+    description: Description
+    runs: tuple[Run, ...]
+    warnings: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+
+    @property
+    def device(self) -> str:
+        return self.description.device
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return self.description.joints

@@ -60,7 +60,7 @@ def _missing(table: Table, names: list[str]) -> Problem:
     beside = sorted(p.name for p in table.path.parent.glob("*.toml") if p.stem != table.path.stem)
     if beside and not table.path.with_suffix(".toml").exists():
         advice += f"; is its description one of {', '.join(beside[:4])}? (--description)"
-    return Problem(f"{table.path}", f"the columns {', '.join(names)}", "none of these names", advice)
+    return Problem(f"{table.path}", f"the columns {', '.join(names)}", "a file without them", advice)
 
 
 def _numbers(table: Table, name: str, problems: list[Problem]) -> np.ndarray:

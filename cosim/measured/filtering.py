@@ -1,0 +1,170 @@
+"""Differentiation and low-pass filters for recorded motion; every filter here has a name and a delay that is stated.
+
+The same low-pass filter goes over both sides of the equation of motion (Taati 3.1). Acceleration is never formed by itself:
+with P the momentum columns, F{dP/dt} is the filter's own derivative of P, exact for products too ("total derivatives",
+PHYSICS.md 4; Taati Eqs. 13-14; Hsu et al. 1987).
+"""
+
+from abc import ABC, abstractmethod
+from functools import lru_cache
+
+import numpy as np
+from attrs import field, frozen
+
+from cosim.measured.recording import Recording, Run
+
+
+class LowPass(ABC):
+    """A linear low-pass filter along the first axis of an array with an even step [s]."""
+
+    @abstractmethod
+    def low(self, signal: np.ndarray, step: float) -> np.ndarray:
+        """F{x}, same shape."""
+
+    @abstractmethod
+    def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
+        """F{dx/dt}, same shape, without differentiating x."""
+
+    @abstractmethod
+    def settle(self, step: float) -> tuple[int, int]:
+        """Rows at the start and at the end that the filter's start-up falsifies."""
+
+    @abstractmethod
+    def spread(self, step: float) -> tuple[int, int]:
+        """Rows before and after an instant over which the filter smears a jump at it."""
+
+    @abstractmethod
+    def decimation(self, step: float) -> int:
+        """Every how many rows the filtered signal may be kept without aliasing."""
+
+
+@frozen
+class FirstOrder(LowPass):
+    """Taati's L(s) = omega / (omega + s), causal; exact for signals that are linear between samples."""
+
+    omega: float = 10.0  # rad/s
+
+    def low(self, signal: np.ndarray, step: float) -> np.ndarray:
+        from scipy.signal import lfilter
+
+        x = self.omega * step
+        pole = np.exp(-x)
+        gain = (1 - pole) / x  # first-order hold: y+ = pole y + (gain - pole) u + (1 - gain) u+
+        state = (gain - pole) * signal[:1] + pole * signal[:1]
+        tail, _ = lfilter([1 - gain, gain - pole], [1, -pole], signal[1:], axis=0, zi=state)
+        return np.concatenate([signal[:1], tail])
+
+    def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
+        return self.omega * (signal - self.low(signal, step))
+
+    def settle(self, step: float) -> tuple[int, int]:
+        return int(np.ceil(12 / (self.omega * step))), 0
+
+    def spread(self, step: float) -> tuple[int, int]:
+        return 0, int(np.ceil(5 / (self.omega * step)))
+
+    def decimation(self, step: float) -> int:
+        return max(int(0.2 / (self.omega * step)), 1)
+
+
+@frozen
+class ZeroPhase(LowPass):
+    """Butterworth low-pass run forwards and backwards: no delay, half the amplitude at `cutoff` [Hz]."""
+
+    cutoff: float
+    order: int = 4
+
+    def low(self, signal: np.ndarray, step: float) -> np.ndarray:
+        from scipy.signal import sosfiltfilt
+
+        if self.cutoff * step >= 0.45:
+            return np.array(signal, float)
+        sos = _butterworth(self.order, self.cutoff, round(step, 12))
+        pad = min(len(signal) - 1, self.settle(step)[0])
+        return sosfiltfilt(sos, signal, axis=0, padtype="odd", padlen=pad)
+
+    def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
+        return derivative(self.low(signal, step), step)
+
+    def settle(self, step: float) -> tuple[int, int]:
+        rows = int(np.ceil(3.0 / (self.cutoff * step)))
+        return rows, rows
+
+    def spread(self, step: float) -> tuple[int, int]:
+        rows = int(np.ceil(0.6 / (self.cutoff * step)))
+        return rows, rows
+
+    def decimation(self, step: float) -> int:
+        return max(int(0.2 / (self.cutoff * step)), 1)
+
+
+@lru_cache(maxsize=32)
+def _butterworth(order: int, cutoff: float, step: float) -> np.ndarray:
+    from scipy.signal import butter
+
+    return butter(order, cutoff, fs=1 / step, output="sos")
+
+
+def derivative(signal: np.ndarray, step: float) -> np.ndarray:
+    """Central difference of fourth order along the first axis, second order at the ends; no delay."""
+    if len(signal) < 5:
+        return np.gradient(signal, step, axis=0)
+    slope = np.gradient(signal, step, axis=0)
+    slope[2:-2] = (signal[:-4] - 8 * signal[1:-3] + 8 * signal[3:-1] - signal[4:]) / (12 * step)
+    return slope
+
+
+@frozen(eq=False)
+class Motion:
+    """A run with its velocity: time (n,), q, dq, tau (n, nj) in SI, `velocity` says how dq was made."""
+
+    run: Run
+    q: np.ndarray
+    dq: np.ndarray
+    velocity: str = field(default="")
+
+    @property
+    def time(self) -> np.ndarray:
+        return self.run.time
+
+    @property
+    def tau(self) -> np.ndarray:
+        return self.run.tau
+
+    @property
+    def step(self) -> float:
+        return self.run.step
+
+
+def differentiated(run: Run, cutoff: float) -> Motion:
+    """q low-passed with zero phase at `cutoff` [Hz] and differentiated; a recorded dq is not used."""
+    q = ZeroPhase(cutoff).low(run.q, run.step)
+    how = f"q low-passed at {cutoff:g} Hz (Butterworth 4, zero phase), central differences"
+    return Motion(run, q, derivative(q, run.step), how)
+
+
+def as_recorded(run: Run) -> Motion:
+    """The recorded dq as it stands: where regressor columns were made with it, another one would not fit them."""
+    return Motion(run, run.q, run.dq, "as recorded")
+
+
+def motion(recording: Recording, run: Run, cutoff: float) -> Motion:
+    """The motion of a run: the recorded dq for device "regressor" where there is one, else differentiated q."""
+    if recording.device == "regressor" and run.dq is not None:
+        return as_recorded(run)
+    return differentiated(run, cutoff)
+
+
+def near_reversal(dq: np.ndarray, step: float, spread: tuple[int, int], threshold: float) -> np.ndarray:
+    """True for samples within `spread` rows of an instant at which dq (n,) changes sign or is below `threshold`.
+
+    Around them the sign of a measured velocity is not the sign of the true one (PHYSICS.md 4).
+    """
+    slow = np.abs(dq) < threshold
+    slow[1:] |= np.signbit(dq[1:]) != np.signbit(dq[:-1])
+    before, after = spread
+    edges = np.zeros(len(dq) + 1)
+    instants = np.flatnonzero(slow)
+    np.add.at(edges, np.maximum(instants - before, 0), 1)
+    np.add.at(edges, np.minimum(instants + after + 1, len(dq)), -1)
+    return np.cumsum(edges)[:-1] > 0

@@ -1,0 +1,392 @@
+/* PHANToM Premium 1.5A. Equations and sources: README.md; rigid body: arm.h; one joint's effects: ../shared/joint.h.
+ *
+ *   M(q) ddq + C(q, dq) dq + N(q) + friction + required = tau_motor + J' (f + f_contact)
+ *   tau_motor = lag(limit(deadband((1 + gain) (tau(t - delay) + J' f_device + N_nominal))))
+ */
+#include <stddef.h>
+#include <stdio.h>
+
+#include "arm.h"
+#include "../shared/joint.h"
+#include "../shared/ring.h"
+
+#define DELAYED_CAPACITY 512
+#define ARM_STATES 18
+#define ARM_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
+#define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
+
+static const int coupled[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
+
+static Joint joint_of(const Model *m, int i)
+{
+    Joint j;
+#define JOINT_FIELD(name) j.name = m->name[i];
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+    return j;
+}
+
+static Ring delayed_ring(Model *m)
+{
+    Ring r = {m->delayed, DELAYED_CAPACITY, 4, (int)m->delayed_head, (int)m->delayed_count};
+    return r;
+}
+
+static int any(const double *values, int n)
+{
+    for (int i = 0; i < n; i++)
+        if (values[i] != 0) return 1;
+    return 0;
+}
+
+/* pi with mounting and payload; `up` of the tilted base: Rz(-tilt2) Rx(-tilt1) (0, 1, 0). */
+static void set_body(Model *m)
+{
+    const double gravity = m->mounting == 2 ? -1.0 : 1.0;
+    double s1, c1, s2, c2;
+    memcpy(m->body, m->pi, sizeof m->body);
+    m->body[6] *= gravity;
+    m->body[7] *= gravity;
+    if (m->payload > 0) arm_add_payload(m->body, m->payload, gravity * ARM_GRAVITY);
+    sincos_real(m->base_tilt[0], &s1, &c1);
+    sincos_real(m->base_tilt[1], &s2, &c2);
+    m->up[0] = s2 * c1;
+    m->up[1] = c2 * c1;
+    m->up[2] = -s1;
+}
+
+static void set_start_state(Model *m)
+{
+    memcpy(m->q_link, m->q_start, sizeof m->q_link);
+    memcpy(m->dq_link, m->dq_start, sizeof m->dq_link);
+    memcpy(m->q_motor, m->q_start, sizeof m->q_motor);
+    memcpy(m->dq_motor, m->dq_start, sizeof m->dq_motor);
+    memset(m->z, 0, sizeof m->z);
+    m->domain = 1;
+}
+
+/* Commanded torque in the present communication step: the input, or the command of `time_delay` earlier.
+ * A command is held over its step. Where the delay is k + a steps, the two commands that share this step are averaged,
+ * a u[n-k-1] + (1 - a) u[n-k]: exact for whole steps, the right impulse for others, and no jump inside a step. */
+static double commanded(Model *m, int i)
+{
+    if (!(m->time_delay[i] > 0) || m->delayed_count == 0) return m->tau[i];
+    const Ring ring = delayed_ring(m);
+    const double then = m->last_time - m->time_delay[i];
+    const int at = ring_find(&ring, then);
+    if (at < 0) return ring_at(&ring, 0)[1 + i];
+    const double *before = ring_at(&ring, at), *after = at + 1 < ring.count ? ring_at(&ring, at + 1) : NULL;
+    const double late = then - before[0], gap = (after ? after[0] : m->last_time) - before[0];
+    if (late <= RING_SAME) return before[1 + i];
+    return before[1 + i] + late / gap * ((after ? after[1 + i] : m->tau[i]) - before[1 + i]);
+}
+
+/* What the amplifiers would deliver without lag (N m). */
+static void delivered(Model *m, const ArmPose *p, double torque[3])
+{
+    double device[3] = {0, 0, 0}, gravity[3] = {0, 0, 0};
+    if (m->impedance != 0) {
+        double x[3], dx[3], force[3];
+        arm_position(p, x);
+        arm_velocity(p, m->dq_link, dx);
+        for (int i = 0; i < 3; i++) force[i] = m->stiffness[i] * (m->x_ref[i] - x[i]) - m->damping[i] * dx[i];
+        arm_torque_of_force(p, force, device);
+    }
+    if (m->gravity_compensation != 0) {
+        arm_gravity(m->pi, p, gravity);
+        if (m->mounting == 2)
+            for (int i = 0; i < 3; i++) gravity[i] = -gravity[i];
+    }
+    for (int i = 0; i < 3; i++) {
+        torque[i] = m->plain != 0 ? m->tau[i] : commanded(m, i);
+        if (m->impedance != 0) torque[i] += device[i];
+        if (m->gravity_compensation != 0) torque[i] += gravity[i];
+        if (m->plain == 0) {
+            const Joint j = joint_of(m, i);
+            torque[i] = joint_delivered(&j, torque[i]);
+        }
+    }
+}
+
+/* f = -n max(0, k (n . x - distance) + c n . dx) where n . x > distance: the wall pushes, never pulls (N). */
+static void contact_force(const Model *m, const ArmPose *p, double force[3])
+{
+    double x[3], dx[3], depth = -m->contact_distance, rate = 0;
+    arm_position(p, x);
+    arm_velocity(p, m->dq_link, dx);
+    for (int i = 0; i < 3; i++) {
+        depth += m->wall[i] * x[i];
+        rate += m->wall[i] * dx[i];
+    }
+    const double push = depth > 0 ? m->contact_stiffness * depth + m->contact_damping * rate : 0;
+    for (int i = 0; i < 3; i++) force[i] = push > 0 ? -push * m->wall[i] : 0;
+}
+
+/* Required torque on joint i from the motion of joint j, added to `torque` (N m). */
+static void add_coupling(const Model *m, const double q[3], const double dq[3], double torque[3])
+{
+    for (int k = 0; k < 6; k++) {
+        const int i = coupled[k][0], j = coupled[k][1];
+        if (m->coupling_viscous[k] != 0) torque[i] += m->coupling_viscous[k] * dq[j];
+        if (m->coupling_coulomb[k] != 0) torque[i] += m->coupling_coulomb[k] * arm_sign(dq[j], m->coulomb_velocity[j]);
+        if (m->coupling_stiffness[k] != 0) torque[i] += m->coupling_stiffness[k] * q[j];
+    }
+}
+
+/* Angle and velocity on the encoder's side: the motor's where the joint is elastic. */
+static void motor_side(const Model *m, double q[3], double dq[3])
+{
+    for (int i = 0; i < 3; i++) {
+        const int elastic = m->joint_compliance[i] > 0;
+        q[i] = elastic ? m->q_motor[i] : m->q_link[i];
+        dq[i] = elastic ? m->dq_motor[i] : m->dq_link[i];
+    }
+}
+
+/* Torque on each link from its joint, and the derivatives of the joint's own states. `inertia` loses the motors' shares. */
+static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *inertia, double torque[3])
+{
+    double ideal[3], q[3], dq[3], coupling[3] = {0, 0, 0};
+    double *diagonal[3] = {&inertia->m11, &inertia->m22, &inertia->m33};
+    delivered(m, p, ideal);
+    motor_side(m, q, dq);
+    if (m->extras != 0) add_coupling(m, q, dq, coupling);
+    for (int i = 0; i < 3; i++) {
+        const Joint j = joint_of(m, i);
+        const double motor = j.actuator_lag > 0 ? m->tau_lag[i] : ideal[i];
+        torque[i] = motor - joint_required(&j, q[i], dq[i], m->z[i], motor, t);
+        if (m->extras != 0) torque[i] -= coupling[i];
+        if (j.actuator_lag > 0) m->der_tau_lag[i] = (ideal[i] - m->tau_lag[i]) / j.actuator_lag;
+        if (j.hysteresis != 0) m->der_z[i] = joint_hysteresis_rate(&j, dq[i], m->z[i]);
+        if (j.joint_compliance > 0) {
+            const double spring = joint_spring(&j, m->q_motor[i] - m->q_link[i], m->dq_motor[i] - m->dq_link[i]);
+            m->der_q_motor[i] = m->dq_motor[i];
+            m->der_dq_motor[i] = (torque[i] - spring) / j.motor_inertia;
+            torque[i] = spring;
+            *diagonal[i] -= j.motor_inertia;
+        }
+    }
+}
+
+static void clear_derivatives(Model *m)
+{
+    memset(m->der_q_link, 0, sizeof m->der_q_link);
+    memset(m->ddq, 0, sizeof m->ddq);
+    memset(m->der_z, 0, sizeof m->der_z);
+    memset(m->der_tau_lag, 0, sizeof m->der_tau_lag);
+    memset(m->der_q_motor, 0, sizeof m->der_q_motor);
+    memset(m->der_dq_motor, 0, sizeof m->der_dq_motor);
+}
+
+/* M ddq = joint torques + J' (f + f_contact) - C dq - N */
+static void derivatives(Model *m, double t)
+{
+    double torque[3], outside[3], coriolis[3], gravity[3], balance[3];
+    clear_derivatives(m);
+    if (m->domain == 0) return;
+    const ArmPose p = arm_pose(m->q_link);
+    ArmInertia inertia = arm_inertia(m->body, &p);
+
+    if (m->plain != 0) {
+        delivered(m, &p, torque);
+        for (int i = 0; i < 3; i++) {
+            if (m->viscous[i] == 0 && m->coulomb[i] == 0) continue;
+            torque[i] -= m->coulomb[i] == 0 ? m->viscous[i] * m->dq_link[i]
+                : arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq_link[i]);
+        }
+        if (m->extras != 0) {
+            double coupling[3] = {0, 0, 0};
+            add_coupling(m, m->q_link, m->dq_link, coupling);
+            for (int i = 0; i < 3; i++) torque[i] -= coupling[i];
+        }
+    } else {
+        joint_torques(m, &p, t, &inertia, torque);
+    }
+
+    arm_torque_of_force(&p, m->f, outside);
+    arm_coriolis(m->body, &p, m->dq_link, coriolis);
+    if (m->base_tilt[0] != 0 || m->base_tilt[1] != 0) arm_gravity_along(m->body, &p, m->up, gravity);
+    else arm_gravity(m->body, &p, gravity);
+    for (int i = 0; i < 3; i++) balance[i] = torque[i] + outside[i] - coriolis[i] - gravity[i];
+    if (m->contact_stiffness > 0) {
+        double force[3], push[3];
+        contact_force(m, &p, force);
+        arm_torque_of_force(&p, force, push);
+        for (int i = 0; i < 3; i++) balance[i] += push[i];
+    }
+
+    memcpy(m->der_q_link, m->dq_link, sizeof m->der_q_link);
+    if (arm_positive_definite(&inertia, 1e-5)) arm_accelerate(&inertia, balance, m->ddq);
+    else m->indefinite = 1;
+}
+
+/* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. */
+static const char *check_relations(Model *m)
+{
+    char *text = (char *)m->message;
+    const size_t size = sizeof m->message;
+    const ArmPose p = arm_pose(m->q_start);
+    ArmInertia inertia = arm_inertia(m->body, &p);
+    double *diagonal[3] = {&inertia.m11, &inertia.m22, &inertia.m33};
+    if (!arm_positive_definite(&inertia, 1e-5)) {
+        snprintf(text, size, "pi: M(q_start) is not positive definite: M11 = %.3g, M22 = %.3g, M33 = %.3g, det(M22..M33) = %.3g; "
+            "expected M11 > 1e-05 and the rest > 0", inertia.m11, inertia.m22, inertia.m33,
+            inertia.m22 * inertia.m33 - inertia.m23 * inertia.m23);
+        return text;
+    }
+    for (int i = 0; i < 3; i++) {
+        if (m->backlash[i] > 0 && !(m->joint_compliance[i] > 0)) {
+            snprintf(text, size, "joint_compliance[%d] = %g: backlash[%d] = %g needs a compliance > 0", i + 1, m->joint_compliance[i],
+                i + 1, m->backlash[i]);
+            return text;
+        }
+        if (m->joint_compliance[i] > 0) {
+            if (!(m->motor_inertia[i] > 0 && m->motor_inertia[i] < *diagonal[i])) {
+                snprintf(text, size, "motor_inertia[%d] = %g is outside (0, %.6g): an elastic joint needs a part of the inertia of pi",
+                    i + 1, m->motor_inertia[i], *diagonal[i]);
+                return text;
+            }
+            *diagonal[i] -= m->motor_inertia[i];
+        }
+    }
+    if (!arm_positive_definite(&inertia, 1e-5)) {
+        snprintf(text, size, "motor_inertia = %g, %g, %g leaves links without positive definite M(q_start): make it smaller",
+            m->motor_inertia[0], m->motor_inertia[1], m->motor_inertia[2]);
+        return text;
+    }
+    if (m->contact_stiffness > 0 && !any(m->contact_normal, 3)) {
+        snprintf(text, size, "contact_normal = 0, 0, 0: contact_stiffness = %g needs a direction", m->contact_stiffness);
+        return text;
+    }
+    return NULL;
+}
+
+static const char *start(Model *m)
+{
+    double length = 0;
+    memset(m->message, 0, sizeof m->message);
+    set_body(m);
+    set_start_state(m);
+    m->plain = 1;
+    for (int i = 0; i < 3; i++) {
+        const Joint j = joint_of(m, i);
+        if (!joint_is_plain(&j)) m->plain = 0;
+        length += m->contact_normal[i] * m->contact_normal[i];
+    }
+    for (int i = 0; i < 3; i++) m->wall[i] = length > 0 ? m->contact_normal[i] / sqrt(length) : 0;
+    m->extras = any(m->coupling_viscous, 6) || any(m->coupling_coulomb, 6) || any(m->coupling_stiffness, 6);
+    m->impedance = any(m->stiffness, 3) || any(m->damping, 3);
+    m->indefinite = m->delayed_head = m->delayed_count = m->last_time = 0;
+    const char *problem = check_relations(m);
+    if (problem) return problem;
+    const ArmPose p = arm_pose(m->q_link);
+    delivered(m, &p, m->tau_lag);
+    for (int i = 0; i < 3; i++)
+        if (!(m->actuator_lag[i] > 0)) m->tau_lag[i] = 0;
+    memcpy(m->kept, ARM_STATE(m), sizeof m->kept);
+    m->started = 1;
+    return NULL;
+}
+
+/* Explicit integration holds for these effects only while |lambda h| stays below RK4's reach: refused, with what to do. */
+static const char *check_internal_step(Model *m, double step)
+{
+    const double h = step / m->internal_steps;
+    for (int i = 0; i < 3; i++) {
+        const double lag = m->actuator_lag[i];
+        if (lag > 0 && h > RK4_REACH * lag) {
+            snprintf((char *)m->message, sizeof m->message, "actuator_lag[%d] = %g s is too short for the internal step of %g s: "
+                "set internal_steps to %d or more", i + 1, lag, h, (int)(step / lag) + 1);
+            return (const char *)m->message;
+        }
+        if (m->joint_compliance[i] > 0) {
+            const double rate = sqrt(1 / (m->joint_compliance[i] * m->motor_inertia[i])) + m->joint_damping[i] / m->motor_inertia[i];
+            if (h * rate > RK4_REACH) {
+                snprintf((char *)m->message, sizeof m->message, "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step "
+                    "of %g s: set internal_steps to %d or more", i + 1, m->joint_compliance[i], h, (int)(step * rate) + 1);
+                return (const char *)m->message;
+            }
+        }
+    }
+    return NULL;
+}
+
+/* Keeps the command of the step that ends at t; the oldest is dropped only when no delay reaches it. */
+static const char *remember_command(Model *m, double t, double step)
+{
+    const double longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
+    if (!(longest > 0)) return NULL;
+    Ring ring = delayed_ring(m);
+    while (ring.count > 1 && ring_at(&ring, 1)[0] < t - longest - RING_SAME) ring_drop_oldest(&ring);
+    if (ring.count == DELAYED_CAPACITY) {
+        snprintf((char *)m->message, sizeof m->message, "time_delay = %g s does not fit the buffer of %d commands (%g s at the step of %g s)",
+            longest, DELAYED_CAPACITY, DELAYED_CAPACITY * step, step);
+        return (const char *)m->message;
+    }
+    const double record[4] = {m->last_time, m->tau[0], m->tau[1], m->tau[2]};
+    ring_insert(&ring, record);
+    m->delayed_head = ring.head;
+    m->delayed_count = ring.count;
+    return NULL;
+}
+
+/* The domain: M positive definite along the motion, a finite state, and the workspace where it is asked for. */
+static int inside_domain(const Model *m)
+{
+    const double *state = (const double *)m + offsetof(Model, q_link) / sizeof(double);
+    for (int i = 0; i < ARM_STATES; i++)
+        if (!(fabs(state[i]) < 1e6)) return 0;
+    return m->indefinite == 0 && (m->workspace_limits == 0 || arm_inside(m->q_link));
+}
+
+static const char *sample(Model *m, double t)
+{
+    const double step = t - m->last_time;
+    const char *problem = NULL;
+    if (m->domain == 0) return NULL;
+    if (m->plain == 0) {
+        problem = check_internal_step(m, step);
+        if (!problem) problem = remember_command(m, t, step);
+        for (int i = 0; i < 3; i++) m->z[i] = real_clamp(m->z[i], -1.0, 1.0);
+    }
+    if (problem) return problem;
+    if (!inside_domain(m)) {
+        m->domain = 0;
+        memcpy(ARM_STATE(m), m->kept, sizeof m->kept);
+    }
+    memcpy(m->kept, ARM_STATE(m), sizeof m->kept);
+    m->last_time = t;
+    return NULL;
+}
+
+static void outputs(Model *m, double t)
+{
+    (void)t;
+    if (m->started == 0) {
+        set_body(m);
+        set_start_state(m);
+    }
+    const ArmPose p = arm_pose(m->q_link);
+    arm_position(&p, m->x_tip);
+    arm_velocity(&p, m->dq_link, m->dx_tip);
+    motor_side(m, m->q, m->dq);
+    if (m->plain == 0 || any(m->encoder_resolution, 3) || any(m->encoder_offset, 3)) {
+        for (int i = 0; i < 3; i++) {
+            const Joint j = joint_of(m, i);
+            m->q[i] = joint_encoder(&j, m->q[i]);
+        }
+        const ArmPose read = arm_pose(m->q);
+        arm_position(&read, m->x);
+        arm_velocity(&read, m->dq, m->dx);
+    } else {
+        memcpy(m->x, m->x_tip, sizeof m->x);
+        memcpy(m->dx, m->dx_tip, sizeof m->dx);
+    }
+    delivered(m, &p, m->tau_motor);
+    m->saturated = 0;
+    for (int i = 0; i < 3; i++) {
+        if (m->torque_saturation[i] > 0 && fabs(m->tau_motor[i]) >= m->torque_saturation[i]) m->saturated = 1;
+        if (m->actuator_lag[i] > 0) m->tau_motor[i] = m->tau_lag[i];
+    }
+    if (m->contact_stiffness > 0) contact_force(m, &p, m->f_contact);
+}

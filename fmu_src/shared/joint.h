@@ -1,0 +1,118 @@
+/* What one joint does beside the rigid-body equations: friction, required torques, the actuator, elasticity, the encoder.
+ *
+ * Every effect of CONTRACT.md is a parameter that is zero by default, and a zero effect is skipped, not multiplied: the
+ * bits of a run do not change by the presence of an absent effect. Names, units and meaning: joint.toml.
+ */
+#ifndef JOINT_H
+#define JOINT_H
+
+#include "elementary.h"
+
+#define JOINT_PARAMETERS(F) \
+    F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(coulomb_asymmetry) F(viscous_asymmetry) \
+    F(torque_offset) F(load_friction) F(position_friction_sin) F(position_friction_cos) F(position_torque) \
+    F(position_torque_quadratic) F(position_torque_cubic) F(position_torque_sin) F(position_torque_cos) F(ripple_sin) \
+    F(ripple_cos) F(ripple_order) F(hysteresis) F(hysteresis_length) F(quadratic_drag) F(friction_drift) F(torque_gain) \
+    F(torque_deadband) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) \
+    F(joint_damping) F(backlash) F(encoder_resolution) F(encoder_offset)
+
+typedef struct {
+#define JOINT_FIELD(name) double name;
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+} Joint;
+
+/* s(dq) = dq / sqrt(dq^2 + v^2) */
+static inline double joint_sign(const Joint *j, double dq)
+{
+    return dq / sqrt(dq * dq + j->coulomb_velocity * j->coulomb_velocity);
+}
+
+/* True where friction is viscous and Coulomb only and the actuator and encoder are ideal. */
+static inline int joint_is_plain(const Joint *j)
+{
+    return j->stribeck == 0 && j->coulomb_asymmetry == 0 && j->viscous_asymmetry == 0 && j->torque_offset == 0
+        && j->load_friction == 0 && j->position_friction_sin == 0 && j->position_friction_cos == 0
+        && j->position_torque == 0 && j->position_torque_quadratic == 0 && j->position_torque_cubic == 0
+        && j->position_torque_sin == 0 && j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0
+        && j->hysteresis == 0 && j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0
+        && j->torque_deadband == 0 && j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0
+        && j->joint_compliance == 0;
+}
+
+/* fv dq + fc s (N m) */
+static inline double joint_basic_friction(const Joint *j, double dq)
+{
+    double torque = j->viscous * dq;
+    if (j->coulomb != 0) torque += j->coulomb * joint_sign(j, dq);
+    return torque;
+}
+
+/* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: Dahl's state. */
+static inline double joint_required(const Joint *j, double q, double dq, double z, double tau_motor, double t)
+{
+    const double s = joint_sign(j, dq), speed = fabs(dq);
+    double torque = joint_basic_friction(j, dq), sine = 0, cosine = 0;
+    if (j->friction_drift != 0) torque *= 1 + j->friction_drift * t;
+    if (j->stribeck != 0) {
+        const double u = dq / j->stribeck_velocity;
+        torque += j->stribeck * exp_real(-(u * u)) * s;
+    }
+    if (j->coulomb_asymmetry != 0) torque += j->coulomb_asymmetry * (s * s);
+    if (j->viscous_asymmetry != 0) torque += j->viscous_asymmetry * speed;
+    if (j->quadratic_drag != 0) torque += j->quadratic_drag * dq * speed;
+    if (j->load_friction != 0) torque += j->load_friction * fabs(tau_motor) * s;
+    if (j->hysteresis != 0) torque += j->hysteresis * z;
+    if (j->torque_offset != 0) torque += j->torque_offset;
+    if (j->position_friction_sin != 0 || j->position_friction_cos != 0 || j->position_torque_sin != 0
+        || j->position_torque_cos != 0) {
+        sincos_real(q, &sine, &cosine);
+        torque += (j->position_friction_sin * sine + j->position_friction_cos * cosine) * s;
+        torque += j->position_torque_sin * sine + j->position_torque_cos * cosine;
+    }
+    if (j->position_torque != 0) torque += j->position_torque * q;
+    if (j->position_torque_quadratic != 0) torque += j->position_torque_quadratic * (q * q);
+    if (j->position_torque_cubic != 0) torque += j->position_torque_cubic * (q * q * q);
+    if (j->ripple_sin != 0 || j->ripple_cos != 0) {
+        sincos_real(j->ripple_order * q, &sine, &cosine);
+        torque += j->ripple_sin * sine + j->ripple_cos * cosine;
+    }
+    return torque;
+}
+
+/* dz/dt = (dq - |dq| z)/length, z kept within +-1 (1/s): bounded even where |dq| h > length. */
+static inline double joint_hysteresis_rate(const Joint *j, double dq, double z)
+{
+    return (dq - fabs(dq) * real_clamp(z, -1.0, 1.0)) / j->hysteresis_length;
+}
+
+/* The amplifier: (1 + gain) u, then the deadband, then the limit (N m). */
+static inline double joint_delivered(const Joint *j, double command)
+{
+    double u = command;
+    if (j->torque_gain != 0) u *= 1 + j->torque_gain;
+    if (j->torque_deadband > 0) u -= real_clamp(u, -j->torque_deadband, j->torque_deadband);
+    if (j->torque_saturation > 0) u = real_clamp(u, -j->torque_saturation, j->torque_saturation);
+    return u;
+}
+
+/* Torque from motor to link (N m): spring behind a gap of `backlash`, damper while the gap is closed. */
+static inline double joint_spring(const Joint *j, double stretch, double rate)
+{
+    const double half = 0.5 * j->backlash;
+    const double beyond = stretch - real_clamp(stretch, -half, half);
+    double torque = beyond / j->joint_compliance;
+    if (j->joint_damping != 0 && (half == 0 || beyond != 0)) torque += j->joint_damping * rate;
+    return torque;
+}
+
+/* Encoder: the count nearest to q + offset, or q + offset itself (rad). */
+static inline double joint_encoder(const Joint *j, double q)
+{
+    double read = q;
+    if (j->encoder_offset != 0) read += j->encoder_offset;
+    if (j->encoder_resolution > 0) read = j->encoder_resolution * floor(read / j->encoder_resolution + 0.5);
+    return read;
+}
+
+#endif

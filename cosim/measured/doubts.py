@@ -146,6 +146,25 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
     return None
 
 
+def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float | None:
+    """Frequency [Hz] above which the acceleration (n,) holds next to nothing though the torque (n,) does; None: nowhere.
+
+    gain(f) = sqrt(S_tau / S_ddq) is an inertia at low frequencies; sensor noise makes it fall with f. Where it rises 20-fold
+    the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out: central
+    differences have a zero there.
+    """
+    from scipy.signal import welch
+
+    if len(torque) < 1024:
+        return None
+    frequency, accelerations = welch(acceleration, 1 / step, nperseg=512)
+    _, torques = welch(torque, 1 / step, nperseg=512)
+    bands = [slice(1 + 16 * k, 17 + 16 * k) for k in range(12)]
+    gain = np.array([np.sqrt(torques[b].sum() / max(accelerations[b].sum(), 1e-300)) for b in bands])
+    high = gain > 20 * np.median(gain[:3])
+    return float(frequency[bands[int(np.argmax(high))].start]) if high[3:].any() else None
+
+
 def _filtered(recording: Recording) -> list[str]:
     """Warn where one side of the equation was low-passed and the other was not."""
     notes = []
@@ -158,7 +177,22 @@ def _filtered(recording: Recording) -> list[str]:
             nyquist = 0.5 / longest.step
             notes.append(f"{label}: {found[0]} was low-pass filtered near {marks[found[0]] * nyquist:.3g} Hz and {other} was "
                          "not: a lag between the two sides may be the filter's, and errors above it are not the model's")  # fmt: skip
+        elif not found:
+            notes += _emptied_runs(recording.runs, joint, label)
     return notes
+
+
+def _emptied_runs(runs: tuple[Run, ...], joint: int, label: str) -> list[str]:
+    edges = {}
+    for run in runs:
+        acceleration = np.diff(run.q[:, joint], 2) / run.step**2 if run.ddq is None else run.ddq[1:-1, joint]
+        edge = emptied(acceleration, run.tau[1:-1, joint], run.step)
+        if edge is not None:
+            edges[run.name] = edge
+    if not edges:
+        return []
+    return [f"{label}: in {', '.join(edges)} q holds next to nothing above {min(edges.values()):.3g} Hz though tau does: q was "
+            "low-passed or computed and tau was not; compare the two sides below that frequency only"]  # fmt: skip
 
 
 def _outside(recording: Recording) -> list[str]:

@@ -1,0 +1,119 @@
+"""Variables of FMUs as the wiring sees them: names with brackets, units, causality, what acts directly on what."""
+
+import re
+from collections.abc import Iterable, Mapping
+
+from attrs import field, frozen
+
+_ELEMENT = re.compile(r"^(?P<stem>.*)\[(?P<index>\d+)\]$")
+
+
+@frozen
+class Unit:
+    """A unit string and, where the FMU defines it, its exponents over (kg, m, s, A, K, mol, cd, rad) and its factor."""
+
+    name: str
+    exponents: tuple[int, ...] | None = None
+    factor: float = 1.0
+
+    def joins(self, other: "Unit") -> bool:
+        """Whether a signal of this unit may be wired to one of the other: same dimension, radians counted, same scale."""
+        if not self.name or not other.name:
+            return True
+        if self.exponents is not None and other.exponents is not None:
+            return self.exponents == other.exponents and self.factor == other.factor
+        return _plain(self.name) == _plain(other.name)
+
+
+def _plain(unit: str) -> str:
+    return unit.replace(" ", "").replace("*", ".").replace("·", ".").replace("^", "")
+
+
+@frozen
+class Variable:
+    """One scalar variable of an FMU.
+
+    `feedthrough` names the inputs that act on an output at the same instant; None means the FMU does not say (then
+    every input may). `slope` is the value reference of an input's generated derivative input (FMI 3), else None.
+    """
+
+    name: str
+    causality: str
+    type: str = "Real"
+    unit: Unit = Unit("")
+    start: float | str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    reference: int = 0
+    feedthrough: tuple[str, ...] | None = ()
+    items: tuple[str, ...] = ()
+    description: str = ""
+    slope: int | None = None
+    derivative_of: str | None = None
+    tunable: bool = False
+
+
+@frozen
+class Description:
+    """What an FMU says of itself: variables by name, whether it integrates, whether it takes input slopes."""
+
+    model: str
+    variables: Mapping[str, Variable]
+    integrates: bool = False
+    takes_slopes: bool = False
+    fmi: str = "2.0"
+    path: str = ""
+    sha256: str = ""
+    identifier: str = ""
+    token: str = ""
+    text: str = ""
+    single_instance: bool = False
+    saves_state: bool = False
+    step: float | None = None
+
+    def names(self, causality: str) -> list[str]:
+        """Names of the variables of one causality, in the order of the FMU."""
+        return [v.name for v in self.variables.values() if v.causality == causality]
+
+    def elements(self, name: str) -> list[str]:
+        """The scalar names behind a name: itself, or `x` -> `x[1], x[2], x[3]`; empty where there is none."""
+        if name in self.variables:
+            return [name]
+        found = ((index_of(n), n) for n in self.variables if n.startswith(name + "[") and stem(n) == name)
+        return [n for _, n in sorted(found)]
+
+    def stems(self, causality: str | None = None) -> list[str]:
+        """Names without brackets, each once, in the order of the FMU."""
+        names = (v.name for v in self.variables.values() if causality in (None, v.causality))
+        return list(dict.fromkeys(stem(name) for name in names))
+
+
+def stem(name: str) -> str:
+    """`q[2]` -> `q`."""
+    match = _ELEMENT.match(name)
+    return match["stem"] if match else name
+
+
+def index_of(name: str) -> int:
+    """`q[2]` -> 2; 0 for a scalar."""
+    match = _ELEMENT.match(name)
+    return int(match["index"]) if match else 0
+
+
+def grouped(names: Iterable[str]) -> dict[str, list[str]]:
+    """Names by stem, in order: {"arm_l.q": ["arm_l.q[1]", ...], ...}."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(stem(name), []).append(name)
+    return groups
+
+
+@frozen
+class Signal:
+    """A variable of a component: `arm_l.q[1]`."""
+
+    component: str
+    variable: str = field()
+
+    def __str__(self) -> str:
+        return f"{self.component}.{self.variable}"

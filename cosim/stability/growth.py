@@ -1,0 +1,190 @@
+"""Growth rate of a small difference between two runs, with an interval: what stability means in a simulation.
+
+The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are. Two estimators
+of its exponential rate are made and the one with the narrower interval is kept:
+
+* modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of overlapping windows,
+  the least damped of those that carry the difference; the interval is the spread over windows.
+* envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation, which makes the
+  envelope of one mode free of ripple; the interval is the spread over blocks.
+"""
+
+import numpy as np
+from attrs import frozen
+
+_SAMPLES = 200
+_ROWS = 60
+_ORDER = 14
+_T95 = {1: 12.71, 2: 4.30, 3: 3.18, 4: 2.78, 5: 2.57, 6: 2.45, 7: 2.36}
+"""Two-sided 95 % quantiles of Student's t by degrees of freedom."""
+
+
+@frozen
+class Growth:
+    """Rate [1/s] with its 95 % interval, frequency [rad/s] of the mode that shows it, and the time window [s] it was seen in."""
+
+    rate: float
+    low: float
+    high: float
+    frequency: float
+    window: tuple[float, float]
+    estimator: str
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the interval [1/s]."""
+        return 0.5 * (self.high - self.low)
+
+
+def usable(norm: np.ndarray, floor: float, ceiling: float) -> slice:
+    """The longest stretch of `norm` (n,) that lies above the round-off `floor` and below the saturation `ceiling`.
+
+    The norm oscillates, so a moment counts as at the floor only if it and what follows within 2 % of the run stay there.
+    """
+    reach = max(1, len(norm) // 50)
+    padded = np.concatenate([norm, np.repeat(norm[-1:], reach - 1)])
+    ahead = np.lib.stride_tricks.sliding_window_view(padded, reach).max(axis=1)
+    inside = (ahead > floor) & (ahead < ceiling)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+    if edges.size == 0:
+        return slice(0, 0)
+    starts, stops = edges[::2], edges[1::2]
+    longest = int(np.argmax(stops - starts))
+    return slice(int(starts[longest]), int(stops[longest]))
+
+
+def growth(time: np.ndarray, difference: np.ndarray) -> Growth | None:
+    """Growth rate of `difference` (n, channels) sampled evenly at `time` (n,) [s]; None where there are fewer than 40 samples.
+
+    The caller has cut round-off floor and saturation off (`usable`).
+    """
+    if len(time) < 40 or not np.all(np.isfinite(difference)):
+        return None
+    slope = _rough_slope(time, difference)
+    level = difference * np.exp(-slope * (time - time[0]))[:, None]
+    modes = _modes_growth(time, level)
+    frequency = modes.frequency if modes else 0.0
+    candidates = [g for g in (modes, _envelope_growth(time, level, frequency)) if g is not None]
+    if not candidates:
+        return None
+    best = min(candidates, key=lambda g: g.half_width)
+    return Growth(best.rate + slope, best.low + slope, best.high + slope, best.frequency, best.window, best.estimator)
+
+
+def _rough_slope(time: np.ndarray, difference: np.ndarray) -> float:
+    norm = np.linalg.norm(difference, axis=1)
+    positive = norm > 0
+    return float(np.polyfit(time[positive], np.log(norm[positive]), 1)[0]) if positive.sum() > 10 else 0.0
+
+
+def _interval(values: np.ndarray, weights: np.ndarray | None = None) -> tuple[float, float]:
+    """Mean and 95 % half width of nearly independent values by Student's t."""
+    count = len(values)
+    return float(np.mean(values)), float(_T95.get(count - 1, 2.31) * np.std(values, ddof=1) / np.sqrt(count))
+
+
+# modes ---------------------------------------------------------------------------------------------------------------
+
+
+def _modes_growth(time: np.ndarray, level: np.ndarray) -> Growth | None:
+    """Least damped mode over four overlapping windows of the later part; the better of two beginnings."""
+    found = [_modes_from(time, level, begin) for begin in (0.0, 0.4)]
+    found = [g for g in found if g is not None]
+    return min(found, key=lambda g: g.half_width) if found else None
+
+
+def _modes_from(time: np.ndarray, level: np.ndarray, begin: float) -> Growth | None:
+    first, count = int(begin * len(time)), len(time)
+    length = int(0.55 * (count - first))
+    if length < 40:
+        return None
+    starts = first + np.linspace(0, count - first - length, 4).astype(int)
+    windows = [dominant_mode(time[s:s + length], level[s:s + length]) for s in starts]
+    if any(mode is None for mode in windows):
+        return None
+    rates = np.array([mode.real for mode in windows])
+    rate, half = _interval(rates)
+    # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by sqrt(4).
+    half = max(2.0 * half, 1e-9)
+    return Growth(rate, rate - half, rate + half, float(abs(windows[-1].imag)), (float(time[first]), float(time[-1])), "modes")
+
+
+def dominant_mode(time: np.ndarray, signals: np.ndarray) -> complex | None:
+    """Pole [1/s + i rad/s] with the largest real part among those that carry at least 3 % of `signals` (n, channels)."""
+    stride = max(1, len(time) // _SAMPLES)
+    y, step = _principal(signals[::stride]), stride * (time[-1] - time[0]) / (len(time) - 1)
+    found = poles(y, step)
+    if found.size == 0:
+        return None
+    shares = _shares(found, y, step)
+    carrying = found[shares > 0.03 * shares.max()]
+    return complex(carrying[np.argmax(carrying.real)])
+
+
+def _principal(signals: np.ndarray, keep: int = 4) -> np.ndarray:
+    """At most `keep` principal components of the channels, scaled to unit size."""
+    size = np.max(np.abs(signals))
+    u, s, _ = np.linalg.svd(signals / (size or 1.0), full_matrices=False)
+    count = max(1, min(keep, int(np.sum(s > 1e-6 * s[0]))))
+    return u[:, :count] * s[:count]
+
+
+def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-5) -> np.ndarray:
+    """Poles of a sum of exponentials by ESPRIT: shift invariance of the signal subspace of the block Hankel matrix.
+
+    `signals` (n, c) sampled every `step` [s]; singular values below `cut` times the first are noise. Shape (k,) [1/s].
+    """
+    rows = min(len(signals) // 2, _ROWS)
+    blocks = np.lib.stride_tricks.sliding_window_view(signals, rows, axis=0)
+    hankel = blocks.transpose(2, 0, 1).reshape(rows, -1)
+    u, s, _ = np.linalg.svd(hankel, full_matrices=False)
+    rank = int(min(order, np.sum(s > cut * s[0]), rows - 2))
+    if rank < 1:
+        return np.empty(0, complex)
+    shift = np.linalg.lstsq(u[:-1, :rank], u[1:, :rank], rcond=None)[0]
+    z = np.linalg.eigvals(shift)
+    z = z[np.abs(z) > 1e-8]
+    return np.log(z.astype(complex)) / step
+
+
+def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
+    """RMS that each pole contributes to `signals`, over the later half of the window."""
+    moments = step * np.arange(len(signals))
+    basis = np.exp(np.clip(np.outer(moments, found).real, -700, 700) + 1j * np.outer(moments, found).imag)
+    size = np.linalg.norm(basis, axis=0)
+    amplitude = np.linalg.lstsq(basis / size, signals.astype(complex), rcond=1e-10)[0] / size[:, None]
+    late = basis[len(basis) // 2:]
+    return np.sqrt(np.mean(np.abs(late) ** 2, axis=0)) * np.linalg.norm(amplitude, axis=1)
+
+
+# envelope ------------------------------------------------------------------------------------------------------------
+
+
+def _envelope_growth(time: np.ndarray, level: np.ndarray, frequency: float) -> Growth | None:
+    """Slope of the log of the period-averaged norm; the beginning is chosen so that the interval is narrowest."""
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    period = int(round(2.0 * np.pi / frequency / step)) if frequency > 0 else len(time) // 10
+    if not 2 <= period <= len(time) // 4:
+        period = len(time) // 8
+    power = np.concatenate([[0.0], np.cumsum(np.sum(level**2, axis=1))])
+    mean = (power[period:] - power[:-period]) / period
+    if np.any(mean <= 0):
+        return None
+    moments, log_norm = time[:len(mean)] + 0.5 * (period - 1) * step, 0.5 * np.log(mean)
+    stride = max(1, len(mean) // 2000)
+    moments, log_norm = moments[::stride], log_norm[::stride]
+    found = [_slope(moments, log_norm, begin, frequency) for begin in (0.0, 0.1, 0.25, 0.4, 0.55)]
+    return min(found, key=lambda g: g.half_width)
+
+
+def _slope(moments: np.ndarray, log_norm: np.ndarray, begin: float, frequency: float, blocks: int = 6) -> Growth:
+    first = int(begin * len(moments))
+    t, y = moments[first:], log_norm[first:]
+    rate = float(np.polyfit(t, y, 1)[0])
+    edges = np.linspace(0, len(t) - 1, blocks + 1).astype(int)
+    parts = np.diff(y[edges]) / np.diff(t[edges])
+    _, half = _interval(parts)
+    # A trend of the slopes (other modes still dying out) is not scatter: it stands in the interval whole.
+    trend = abs(np.mean(parts[blocks // 2:]) - np.mean(parts[:blocks // 2]))
+    half = max(half, trend, 1e-9)
+    return Growth(rate, rate - half, rate + half, frequency, (float(t[0]), float(t[-1])), "envelope")

@@ -1,0 +1,130 @@
+"""Is the loop stable at this point? Judged from twin runs, never from a bound on the motion.
+
+`twin` makes the second run's scenario: same forcing, same delays, a slightly different start. `judge` compares the two results.
+"""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import frozen
+
+from cosim.outcome import Outcome
+from cosim.stability.growth import Growth, growth, usable
+
+_STATE = re.compile(r"^(?P<arm>[^.]+)\.(?P<kind>d?q)(\[(?P<joint>\d)\])?$")
+_DIRECTION = (1.0, 0.8, 0.6)
+PERTURBATION = 1e-6
+"""Size of the difference of the starts [rad/s]: 1e6 above round-off and far below any nonlinearity of the arm (1 rad)."""
+_ROUND_OFF = 1e-12
+_CEILING = 1e-2
+_ENDED = (Outcome.DOMAIN_EXIT, Outcome.DIVERGED, Outcome.LIMIT_HIT, Outcome.FAILED)
+
+
+@frozen
+class Verdict:
+    """Outcome with growth rate [1/s], its 95 % interval, the window [s] used, and how it was found."""
+
+    outcome: Outcome
+    growth_rate: float
+    interval: tuple[float, float]
+    window: tuple[float, float] = (np.nan, np.nan)
+    estimator: str = ""
+    frequency: float = np.nan
+
+
+def perturbation(arms: Mapping[str, int], size: float = PERTURBATION) -> dict[str, float]:
+    """Changes of the start values that make the twin: {"arm_l.dq_start[1]": 1e-6, ...} [rad/s] to be added.
+
+    `arms` names the arms with their numbers of joints. Velocities only, so that the past x(t < 0) = x(0) stays the same; opposite signs on the
+    two sides, so that equal arms receive no common momentum and the neutral motion (both displaced together) stays at rest.
+    """
+    changes = {}
+    for number, (arm, joints) in enumerate(arms.items()):
+        sign = size if number % 2 == 0 else -size
+        for joint in range(joints):
+            name = f"{arm}.dq_start[{joint + 1}]" if joints > 1 else f"{arm}.dq_start"
+            changes[name] = sign * _DIRECTION[joint % 3]
+    return changes
+
+
+def judge(result, twin) -> Verdict:
+    """Verdict on a run and its twin (results of the master: `outcome`, `time` (n,) [s], `signals`).
+
+    The difference of the joint rates of all arms is followed, rates because the loop is neutral against a common displacement.
+    Left out: the round-off floor (1e-12 of the motion's size), differences above 1e-2 rad/s (no longer small), saturated moments.
+    """
+    count = min(len(result.time), len(twin.time))
+    time = np.asarray(result.time[:count], float)
+    rates = _matrix(result.signals, "dq", count)
+    difference = _matrix(twin.signals, "dq", count) - rates
+    size = np.max(np.abs(_matrix(result.signals, "q", count)), initial=0.0) + np.max(np.abs(rates), initial=0.0)
+    count = _unsaturated(result.signals, twin.signals, count)
+    norm = np.linalg.norm(difference[:count], axis=1)
+    part = usable(np.where(np.isfinite(norm), norm, np.inf), _ROUND_OFF * max(size, 1e-3), _CEILING)
+    found = growth(time[part], difference[part])
+    return _verdict(result, found)
+
+
+def _verdict(result, found: Growth | None) -> Verdict:
+    if found is None:
+        return Verdict(_ended(result) or Outcome.INCONCLUSIVE, np.nan, (np.nan, np.nan))
+    outcome = _ended(result) or outcome_of(found, result)
+    return Verdict(outcome, found.rate, (found.low, found.high), found.window, found.estimator, found.frequency)
+
+
+def _ended(result) -> Outcome | None:
+    """How the run itself ended, where that says more than the growth rate."""
+    return result.outcome if result.outcome in _ENDED else None
+
+
+def outcome_of(found: Growth, result) -> Outcome:
+    """Sign of the growth rate, if its interval leaves zero; else what the motion itself shows."""
+    if found.low > 0.0:
+        return Outcome.LIMIT_CYCLE if self_sustained(result) else Outcome.GROWING
+    if self_sustained(result):
+        return Outcome.LIMIT_CYCLE
+    if found.high < 0.0:
+        return Outcome.CONVERGED
+    # The interval holds zero: it says "neutral" only if it excludes a change by 20 % within the window.
+    narrow = found.half_width * (found.window[1] - found.window[0]) < 0.2
+    return Outcome.BOUNDED if narrow else Outcome.INCONCLUSIVE
+
+
+def self_sustained(result) -> bool:
+    """True where the motion has settled on an oscillation of its own: a limit cycle.
+
+    In the last third of the run the operator's force is zero, the RMS of the joint rates stays the same within 3 % from each ninth of the run
+    to the next, above a thousandth of its maximum, and it was another (by 5 %) before: a linear loop on its boundary only keeps
+    the size it was given.
+    """
+    count = len(result.time)
+    rates = _matrix(result.signals, "dq", count)
+    late = slice(2 * count // 3, count)
+    if count < 90 or rates.size == 0 or _forced(result.signals, late):
+        return False
+    levels = np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(rates, 9)])
+    peak, settled = np.max(np.abs(rates)), levels[6:].mean()
+    steady = levels[6:].min() > 1e-3 * peak and peak > 1e-4 and np.ptp(levels[6:]) < 0.03 * settled
+    return bool(steady and np.max(np.abs(levels[2:6] - settled)) > 0.05 * settled)
+
+
+def _forced(signals: Mapping[str, np.ndarray], late: slice) -> bool:
+    forces = [values[late] for name, values in signals.items() if re.match(r"^operator\.f(\[\d\])?$", name)]
+    return any(np.any(np.abs(force) > 0) for force in forces)
+
+
+def _matrix(signals: Mapping[str, np.ndarray], kind: str, count: int) -> np.ndarray:
+    """All `q` or `dq` of all arms as columns, shape (count, channels)."""
+    names = sorted(name for name in signals if (match := _STATE.match(name)) and match["kind"] == kind)
+    return np.column_stack([np.asarray(signals[name], float)[:count] for name in names]) if names else np.zeros((count, 0))
+
+
+def _unsaturated(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], count: int) -> int:
+    """Number of samples before an actuator first saturates in either run."""
+    for signals in (one, other):
+        for name, values in signals.items():
+            if name.endswith(".saturated"):
+                hit = np.flatnonzero(np.asarray(values[:count]) > 0.5)
+                count = min(count, int(hit[0])) if hit.size else count
+    return count

@@ -1,1 +1,7 @@
-"""Builds the FMUs of fmu_src: variable table -> struct, XML, binary, zip."""
+"""Builds FMUs from `fmu_src`: model.toml and model.c become .fmu files for FMI 2.0 and 3.0."""
+
+from build_fmus.build import fmu_path
+from build_fmus.errors import BuildError
+from build_fmus.sources import models
+
+__all__ = ["BuildError", "fmu_path", "models"]

@@ -1,0 +1,154 @@
+"""One FMU: table, sources, libraries, descriptions, zip, checks, cache."""
+
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from attrs import field, frozen
+
+from build_fmus.archive import zip_bytes
+from build_fmus.cache import builder_code, cache_folder, key_of, store
+from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
+from build_fmus.description import describe
+from build_fmus.documentation import index_html
+from build_fmus.errors import BuildError
+from build_fmus.header import header
+from build_fmus.sources import licence, model_files, models, source_root
+from build_fmus.table import Table, load_table, override, suggestion
+from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
+
+Progress = Callable[[str], None]
+
+
+@frozen
+class Job:
+    """What to build: a table (with its start values), FMI version, platforms, further files for the sources folder."""
+
+    table: Table
+    fmi: int
+    platforms: tuple[str, ...]
+    extra: dict[str, bytes] = field(factory=dict)
+    level: int = 6
+
+    @property
+    def model(self) -> str:
+        return self.table.model.name
+
+
+def fmu_path(model: str, fmi: int = 3, platforms: Sequence[str] | None = None, progress: Progress | None = None,
+             start: Mapping[str, float | list[float]] | None = None) -> Path:
+    """The FMU of a model, from the cache or built now; `start`: other start values, compiled in and in the XML.
+
+    Raises BuildError for an unknown model, platform or variable, and where it cannot be built.
+    """
+    if model not in models():
+        raise BuildError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
+    table = load_table(source_root() / model / "model.toml")
+    if table.model.name != model:
+        raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
+    return build(Job(override(table, dict(start or {})), fmi, check_platforms(platforms)), progress)
+
+
+def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
+    """The platforms in a fixed order; this machine where none is named."""
+    chosen = tuple(platforms) if platforms else (this_platform(),)
+    unknown = [p for p in chosen if p not in PLATFORMS]
+    if unknown:
+        raise BuildError(f"no platform {p!r}{suggestion(p, PLATFORMS)}; there are {', '.join(PLATFORMS)}" for p in unknown)
+    return tuple(p for p in PLATFORMS if p in chosen)
+
+
+def build(job: Job, progress: Progress | None = None) -> Path:
+    """The FMU of a job, from the cache or built now."""
+    if job.fmi not in (2, 3):
+        raise BuildError(f"FMI version is 2 or 3, not {job.fmi}")
+    compiler, folder = find_compiler(), cache_folder()
+    sources = _source_files(job)
+    path = folder / "fmus" / _key(job, sources, compiler) / f"{job.model}.fmu"
+    if not path.is_file():
+        if progress:
+            progress(f"building {job.model}.fmu (FMI {job.fmi}, {', '.join(job.platforms)})")
+        files = _packed(job, sources) | _libraries(job, sources, compiler, folder)
+        _keep(path, zip_bytes(files, job.level))
+    return path
+
+
+def _keep(path: Path, data: bytes) -> None:
+    """Into the cache, if it is a valid FMU."""
+    from build_fmus.validation import problems_of
+
+    with tempfile.TemporaryDirectory(prefix="build-fmus-") as folder:
+        candidate = Path(folder) / path.name
+        store(candidate, data)
+        problems = problems_of(candidate)
+    if problems:
+        raise BuildError(f"{path.name} is not valid: {problem}" for problem in problems)
+    store(path, data)
+
+
+def _source_files(job: Job) -> dict[str, bytes]:
+    """Every file of the sources folder, the generated table included."""
+    files = model_files(job.model, job.fmi) | job.extra
+    token = token_of(job, files)
+    return files | {"model_table.h": header(job.table, token).encode()}
+
+
+def token_of(job: Job, files: Mapping[str, bytes]) -> str:
+    """Instantiation token: a hash of the sources and of the table with its start values."""
+    return "{" + key_of(header(job.table, ""), *(x for n in sorted(files) for x in (n, files[n])))[:36] + "}"
+
+
+def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
+    flags = [" ".join(compiler.flags(PLATFORMS[p])) for p in job.platforms]
+    readme = (source_root() / job.model / "README.md").read_bytes()
+    parts = [x for name in sorted(sources) for x in (name, sources[name])]
+    return key_of(str(job.fmi), str(job.level), compiler.identity, *flags, builder_code(), readme, licence(),
+                  repr(job.table), *parts)[:24]
+
+
+def _libraries(job: Job, sources: dict[str, bytes], compiler: Compiler, folder: Path) -> dict[str, bytes]:
+    """{path in the FMU: bytes} of the shared libraries; a platform that FMI 2 cannot name has its sources only."""
+    work = Path(tempfile.mkdtemp(prefix="build-fmus-"))
+    try:
+        for name, data in sources.items():
+            store(work / name, data)
+        return dict(_library(job, name, work, compiler, folder) for name in job.platforms
+                    if PLATFORMS[name].folder(job.fmi))
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _library(job: Job, name: str, work: Path, compiler: Compiler, folder: Path) -> tuple[str, bytes]:
+    chosen = PLATFORMS[name]
+    library = work / name / f"{job.model}{chosen.suffix}"
+    library.parent.mkdir()
+    compile_library(compiler, chosen, work, f"fmi{job.fmi}.c", library, folder)
+    return f"binaries/{chosen.folder(job.fmi)}/{library.name}", library.read_bytes()
+
+
+def _packed(job: Job, sources: dict[str, bytes]) -> dict[str, bytes]:
+    """Everything in the FMU but the libraries."""
+    token = token_of(job, {n: d for n, d in sources.items() if n != "model_table.h"})
+    readme = (source_root() / job.model / "README.md").read_text(encoding="utf-8")
+    files = {
+        "modelDescription.xml": describe(job.table, job.fmi, token).encode(),
+        "documentation/index.html": index_html(job.table, readme).encode(),
+        "documentation/licenses/license.txt": licence(),
+    }
+    files |= {f"sources/{name}": data for name, data in sources.items()}
+    return files | (_beside2() if job.fmi == 2 else _beside3(job))
+
+
+def _beside2() -> dict[str, bytes]:
+    """FMI 2 has an icon only."""
+    return {"model.png": icon_png()}
+
+
+def _beside3(job: Job) -> dict[str, bytes]:
+    return {
+        "sources/buildDescription.xml": build_description(job.model).encode(),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals(job.table).encode(),
+        "terminalsAndIcons/icon.svg": icon_svg(job.table).encode(),
+        "terminalsAndIcons/icon.png": icon_png(),
+    }

@@ -1,0 +1,64 @@
+"""Where built FMUs are kept: by content, written whole or not at all, so that two builds at once are safe."""
+
+import hashlib
+import os
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from build_fmus.errors import BuildError
+
+
+def cache_folder() -> Path:
+    """$COSIM_CACHE, else ~/.cache/haptic-cosim, else a folder of this user under the temporary folder."""
+    chosen = os.environ.get("COSIM_CACHE")
+    home = [Path(chosen)] if chosen else [Path.home() / ".cache" / "haptic-cosim"]
+    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    for folder in [*home, Path(tempfile.gettempdir()) / f"haptic-cosim-{user}"]:
+        if _writable(folder):
+            return folder
+    raise BuildError(f"no folder to build in: {home[0]} and {tempfile.gettempdir()} cannot be written; set COSIM_CACHE")
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"x")
+    except OSError:
+        return False
+    return True
+
+
+def key_of(*parts: bytes | str) -> str:
+    """A hash of all parts; the lengths are hashed too, so that no two lists collide."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "little"))
+        digest.update(data)
+    return digest.hexdigest()
+
+
+@cache
+def builder_code() -> bytes:
+    """The bytes of this package: another builder builds other FMUs."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return b"".join(path.read_bytes() for path in files)
+
+
+def store(path: Path, data: bytes) -> None:
+    """Write a file whole: to a temporary name beside it, then renamed. Raises BuildError (disk full, not writable)."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise BuildError(f"cannot write {path}: {error.strerror or error}; free space, or set COSIM_CACHE") from error

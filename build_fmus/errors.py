@@ -1,0 +1,14 @@
+"""The one error of the builder: what is wrong, where, and what to do."""
+
+from collections.abc import Iterable
+
+
+class BuildError(Exception):
+    """An FMU cannot be built. Holds every problem that was found; `str()` is the message for the user."""
+
+    def __init__(self, problems: Iterable[str] | str) -> None:
+        self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+    def __reduce__(self):
+        return BuildError, (self.problems,)

@@ -1,0 +1,280 @@
+"""The variable table of a model: `model.toml` as frozen classes, checked as a whole."""
+
+import math
+import re
+import tomllib
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Literal
+
+import cattrs
+from attrs import evolve, field, fields, frozen
+
+from build_fmus.errors import BuildError
+from build_fmus.units import exponents
+
+Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
+Type = Literal["Real", "Integer", "Boolean", "Enumeration"]
+SETTABLE = ("input", "parameter", "tunable")
+RESERVED = ("step", "text", "time")
+
+
+@frozen
+class Variable:
+    """One row of the table: a scalar or an array of `size` scalars that FMI names `name[1]` ... `name[size]`."""
+
+    name: str
+    causality: Causality
+    description: str
+    size: int | None = None
+    type: Type = "Real"
+    unit: str = ""
+    start: float | list[float] = 0.0
+    min: float | None = None
+    max: float | None = None
+    nominal: float | None = None
+    group: str = ""
+    items: list[str] = field(factory=list)
+    feedthrough: list[str] | None = None
+    feedthrough_at_start: list[str] | None = None
+    derivative: str = ""
+    initial: str = ""
+    names: list[str] = field(factory=list)
+
+    @property
+    def width(self) -> int:
+        return self.size or 1
+
+    @property
+    def fmi_names(self) -> list[str]:
+        if self.names:
+            return self.names
+        return [f"{self.name}[{i + 1}]" for i in range(self.width)] if self.size else [self.name]
+
+    @property
+    def starts(self) -> list[float]:
+        return [float(v) for v in self.start] if isinstance(self.start, list) else [float(self.start)] * self.width
+
+    @property
+    def low(self) -> float | None:
+        return {"Boolean": 0.0, "Enumeration": 1.0}.get(self.type, self.min)
+
+    @property
+    def high(self) -> float | None:
+        return {"Boolean": 1.0, "Enumeration": float(len(self.items))}.get(self.type, self.max)
+
+
+@frozen
+class Private:
+    """FMU state that no one reads: a ring buffer, the state of a random generator, a counter."""
+
+    name: str
+    size: int | None = None
+    description: str = ""
+
+    @property
+    def width(self) -> int:
+        return self.size or 1
+
+
+@frozen
+class Head:
+    name: str
+    description: str
+    kind: Literal["continuous", "sampled"]
+
+
+@frozen
+class Experiment:
+    """Default experiment: stop time and communication step, s."""
+
+    stop: float
+    step: float
+
+
+@frozen
+class Scalar:
+    """One FMI variable: its row, place in the row, value reference (index of its double in the struct)."""
+
+    variable: Variable
+    index: int
+    reference: int
+
+    @property
+    def name(self) -> str:
+        return self.variable.fmi_names[self.index]
+
+    @property
+    def start(self) -> float:
+        return self.variable.starts[self.index]
+
+
+@frozen
+class Table:
+    """A model: head, default experiment, variables, private state."""
+
+    model: Head
+    experiment: Experiment
+    variable: list[Variable]
+    private: list[Private] = field(factory=list)
+
+    @property
+    def continuous(self) -> bool:
+        return self.model.kind == "continuous"
+
+    @property
+    def scalars(self) -> list[Scalar]:
+        pairs = [(v, i) for v in self.variable for i in range(v.width)]
+        return [Scalar(v, i, reference) for reference, (v, i) in enumerate(pairs)]
+
+    def of(self, *causalities: str) -> list[Scalar]:
+        return [s for s in self.scalars if s.variable.causality in causalities]
+
+    def row(self, name: str) -> Variable:
+        return next(v for v in self.variable if v.name == name)
+
+    def references(self, name: str) -> list[int]:
+        return [s.reference for s in self.scalars if s.variable.name == name]
+
+    @property
+    def slopes(self) -> list[Scalar]:
+        """Inputs that have a slope during a step: the real ones."""
+        return [s for s in self.of("input") if s.variable.type == "Real"]
+
+    @property
+    def states(self) -> list[tuple[Scalar, int]]:
+        """Each state with the value reference of its derivative."""
+        return [(s, self.references(s.variable.derivative)[s.index]) for s in self.of("state")]
+
+
+def load_table(path: Path) -> Table:
+    """Read and check `model.toml`. Raises BuildError with every problem."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise BuildError(f"{path}: {error}") from error
+    problems = list(_unknown_keys(data))
+    if problems:
+        raise BuildError(f"{path}: {problem}" for problem in problems)
+    converter = cattrs.Converter()
+    converter.register_structure_hook(float | list[float], lambda value, _: value)
+    try:
+        table = converter.structure(data, Table)
+    except Exception as error:
+        raise BuildError(f"{path}: {text}" for text in cattrs.transform_error(error)) from error
+    problems = list(check(table))
+    if problems:
+        raise BuildError(f"{path}: {problem}" for problem in problems)
+    return table
+
+
+def _unknown_keys(data: dict) -> Iterable[str]:
+    yield from _compare(data, Table, "top level")
+    for key, kind in (("model", Head), ("experiment", Experiment)):
+        yield from _compare(data.get(key, {}), kind, f"[{key}]")
+    for key, kind in (("variable", Variable), ("private", Private)):
+        for row in data.get(key, []):
+            yield from _compare(row, kind, f"[[{key}]] {row.get('name', '?')}")
+
+
+def _compare(data: dict, kind: type, where: str) -> Iterable[str]:
+    known = [f.name for f in fields(kind)]
+    for key in data:
+        if key not in known:
+            yield f"{where}: unknown key {key!r}{suggestion(key, known)}"
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    close = get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f", did you mean {close[0]!r}?" if close else ""
+
+
+def check(table: Table) -> Iterable[str]:
+    """Every contradiction in the table."""
+    names = [v.name for v in table.variable] + [p.name for p in table.private]
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in RESERVED:
+            yield f"{name!r} is no name for a variable (a C identifier other than {', '.join(RESERVED)})"
+        if names.count(name) > 1:
+            yield f"{name!r} is there twice"
+    for v in table.variable:
+        yield from (f"{v.name}: {problem}" for problem in _check_row(v, table))
+    if table.continuous != bool(table.of("state")):
+        yield "a continuous model has states and a sampled one has none"
+
+
+def _check_row(v: Variable, table: Table) -> Iterable[str]:
+    if v.type == "Real" and not v.unit:
+        yield 'a Real needs a unit ("1" where it has none)'
+    if v.unit:
+        try:
+            exponents(v.unit)
+        except BuildError as error:
+            yield str(error)
+    if (v.type == "Enumeration") != bool(v.items):
+        yield "items go with an Enumeration, and only with one"
+    if v.names and len(v.names) != v.width:
+        yield f"{len(v.names)} names for {v.width} scalars"
+    yield from _check_values(v)
+    yield from _check_links(v, table)
+
+
+def _check_values(v: Variable) -> Iterable[str]:
+    if len(v.starts) != v.width:
+        yield f"{len(v.starts)} start values for {v.width} scalars"
+    if v.causality not in SETTABLE:
+        return
+    for name, value in zip(v.fmi_names, v.starts, strict=False):
+        low, high = v.low, v.high
+        if not math.isfinite(value) or (low is not None and value < low) or (high is not None and value > high):
+            yield f"start value {name} = {value} is outside {low} .. {high}"
+
+
+def _check_links(v: Variable, table: Table) -> Iterable[str]:
+    known = {row.name: row for row in table.variable}
+    for link in [n.removesuffix("[i]") for n in (v.feedthrough or []) + (v.feedthrough_at_start or [])]:
+        if link not in known or known[link].causality != "input":
+            yield f"feedthrough of {link!r}, which is no input{suggestion(link, known)}"
+    if (v.causality == "state") != bool(v.derivative):
+        yield "a state names its derivative, and only a state does"
+    if v.derivative and (v.derivative not in known or known[v.derivative].width != v.width):
+        yield f"derivative {v.derivative!r} is not a variable of the same size"
+    if v.initial and (v.initial not in known or known[v.initial].causality not in ("parameter", "tunable")):
+        yield f"initial {v.initial!r} is not a parameter"
+
+
+def override(table: Table, values: dict[str, float | list[float]]) -> Table:
+    """The table with other start values; `values` by row ("coulomb": list) or scalar ("coulomb[2]": number)."""
+    rows = {v.name: v.starts for v in table.variable}
+    problems = [p for name, value in values.items() if (p := _put(table, rows, name, value))]
+    changed = evolve(table, variable=[_with_starts(v, rows[v.name]) for v in table.variable])
+    problems += check(changed)
+    if problems:
+        raise BuildError(f"{table.model.name}: {problem}" for problem in problems)
+    return changed
+
+
+def _with_starts(v: Variable, starts: list[float]) -> Variable:
+    return v if starts == v.starts else evolve(v, start=starts if v.size else starts[0])
+
+
+def _put(table: Table, rows: dict[str, list[float]], name: str, value: float | list[float]) -> str:
+    for v in table.variable:
+        if v.causality not in SETTABLE:
+            continue
+        if v.name == name:
+            numbers = list(value) if isinstance(value, (list, tuple)) else [value] * v.width
+            if len(numbers) != v.width:
+                return f"{name}: {len(numbers)} values for {v.width} scalars"
+            rows[name] = [_number(v, n) for n in numbers]
+            return ""
+        if name in v.fmi_names:
+            rows[v.name][v.fmi_names.index(name)] = _number(v, value)
+            return ""
+    known = [n for s in table.of(*SETTABLE) for n in (s.variable.name, s.name)]
+    return f"no parameter or input {name!r}{suggestion(name, known)}"
+
+
+def _number(v: Variable, value: float | str) -> float:
+    return float(v.items.index(value) + 1) if isinstance(value, str) and value in v.items else float(value)

@@ -1,0 +1,57 @@
+"""Is an FMU valid? fmpy's validation, the XML schemas, and what no validator checks: start values within their range."""
+
+import math
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+SCHEMAS = {
+    "sources/buildDescription.xml": "fmi3BuildDescription.xsd",
+    "terminalsAndIcons/terminalsAndIcons.xml": "fmi3TerminalsAndIcons.xsd",
+}
+
+
+def problems_of(fmu: Path) -> list[str]:
+    """Every problem of the FMU file; empty where it is valid."""
+    from fmpy import read_model_description
+    from fmpy.validation import validate_fmu
+
+    problems = list(validate_fmu(str(fmu)))
+    if not problems:
+        problems += _out_of_range(read_model_description(str(fmu)))
+    with zipfile.ZipFile(fmu) as archive:
+        for name in set(archive.namelist()) & set(SCHEMAS):
+            problems += _against_schema(name, archive.read(name))
+        problems += [f"two files named {name}" for name in _twice(archive.namelist())]
+    return problems
+
+
+def _twice(names: list[str]) -> list[str]:
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+def _out_of_range(description) -> Iterable[str]:
+    """A start value must be a number between the variable's min and max; an enumeration's must be one of its items."""
+    for v in description.modelVariables:
+        if v.start is None or v.type == "String":
+            continue
+        start = float({"true": 1, "false": 0}.get(str(v.start), v.start))
+        low, high = _range(v)
+        if not (math.isfinite(start) and low <= start <= high):
+            yield f"start value of {v.name} = {v.start} is outside {low} .. {high}"
+
+
+def _range(v) -> tuple[float, float]:
+    if v.type == "Enumeration" and v.declaredType is not None and v.declaredType.items:
+        values = [int(item.value) for item in v.declaredType.items]
+        return min(values), max(values)
+    return (-math.inf if v.min is None else float(v.min)), (math.inf if v.max is None else float(v.max))
+
+
+def _against_schema(name: str, data: bytes) -> list[str]:
+    import fmpy
+    from lxml import etree
+
+    schema = etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "schema" / "fmi3" / SCHEMAS[name]))
+    schema.validate(etree.fromstring(data))
+    return [f"{name}: {error.message} (line {error.line})" for error in schema.error_log]

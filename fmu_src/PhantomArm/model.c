@@ -8,12 +8,10 @@
 
 #include "arm.h"
 #include "../shared/joint.h"
-#include "../shared/ring.h"
 
 #define DELAYED_CAPACITY 512
 #define ARM_STATES 18
 #define ARM_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
-#define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
 
 static const int coupled[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
 
@@ -65,20 +63,12 @@ static void set_start_state(Model *m)
     m->domain = 1;
 }
 
-/* Commanded torque in the present communication step: the input, or the command of `time_delay` earlier.
- * A command is held over its step. Where the delay is k + a steps, the two commands that share this step are averaged,
- * a u[n-k-1] + (1 - a) u[n-k]: exact for whole steps, the right impulse for others, and no jump inside a step. */
+/* Commanded torque in the present communication step: the input, or the command of `time_delay` earlier (N m). */
 static double commanded(Model *m, int i)
 {
     if (!(m->time_delay[i] > 0) || m->delayed_count == 0) return m->tau[i];
     const Ring ring = delayed_ring(m);
-    const double then = m->last_time - m->time_delay[i];
-    const int at = ring_find(&ring, then);
-    if (at < 0) return ring_at(&ring, 0)[1 + i];
-    const double *before = ring_at(&ring, at), *after = at + 1 < ring.count ? ring_at(&ring, at + 1) : NULL;
-    const double late = then - before[0], gap = (after ? after[0] : m->last_time) - before[0];
-    if (late <= RING_SAME) return before[1 + i];
-    return before[1 + i] + late / gap * ((after ? after[1 + i] : m->tau[i]) - before[1 + i]);
+    return joint_delayed_command(&ring, 1 + i, m->tau[i], m->last_time, m->time_delay[i]);
 }
 
 /* What the amplifiers would deliver without lag (N m). */
@@ -288,46 +278,24 @@ static const char *start(Model *m)
     return NULL;
 }
 
-/* Explicit integration holds for these effects only while |lambda h| stays below RK4's reach: refused, with what to do. */
-static const char *check_internal_step(Model *m, double step)
+/* What each joint cannot be integrated or delayed with, checked once a step; keeps the command of the step that ends at t. */
+static const char *finish_joints(Model *m, double t)
 {
-    const double h = step / m->internal_steps;
+    const double step = t - m->last_time, longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
+    const double record[4] = {m->last_time, m->tau[0], m->tau[1], m->tau[2]};
+    char *text = (char *)m->message;
     for (int i = 0; i < 3; i++) {
-        const double lag = m->actuator_lag[i];
-        if (lag > 0 && h > RK4_REACH * lag) {
-            snprintf((char *)m->message, sizeof m->message, "actuator_lag[%d] = %g s is too short for the internal step of %g s: "
-                "set internal_steps to %d or more", i + 1, lag, h, (int)(step / lag) + 1);
-            return (const char *)m->message;
-        }
-        if (m->joint_compliance[i] > 0) {
-            const double rate = sqrt(1 / (m->joint_compliance[i] * m->motor_inertia[i])) + m->joint_damping[i] / m->motor_inertia[i];
-            if (h * rate > RK4_REACH) {
-                snprintf((char *)m->message, sizeof m->message, "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step "
-                    "of %g s: set internal_steps to %d or more", i + 1, m->joint_compliance[i], h, (int)(step * rate) + 1);
-                return (const char *)m->message;
-            }
-        }
+        const Joint j = joint_of(m, i);
+        const char *problem = joint_check_step(&j, i + 1, step, m->internal_steps, text, sizeof m->message);
+        if (problem) return problem;
+        m->z[i] = real_clamp(m->z[i], -1.0, 1.0);
     }
-    return NULL;
-}
-
-/* Keeps the command of the step that ends at t; the oldest is dropped only when no delay reaches it. */
-static const char *remember_command(Model *m, double t, double step)
-{
-    const double longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
     if (!(longest > 0)) return NULL;
     Ring ring = delayed_ring(m);
-    while (ring.count > 1 && ring_at(&ring, 1)[0] < t - longest - RING_SAME) ring_drop_oldest(&ring);
-    if (ring.count == DELAYED_CAPACITY) {
-        snprintf((char *)m->message, sizeof m->message, "time_delay = %g s does not fit the buffer of %d commands (%g s at the step of %g s)",
-            longest, DELAYED_CAPACITY, DELAYED_CAPACITY * step, step);
-        return (const char *)m->message;
-    }
-    const double record[4] = {m->last_time, m->tau[0], m->tau[1], m->tau[2]};
-    ring_insert(&ring, record);
+    const char *problem = joint_remember(&ring, record, t - longest, longest, step, text, sizeof m->message);
     m->delayed_head = ring.head;
     m->delayed_count = ring.count;
-    return NULL;
+    return problem;
 }
 
 /* The domain: M positive definite along the motion, a finite state, and the workspace where it is asked for. */
@@ -341,15 +309,8 @@ static int inside_domain(const Model *m)
 
 static const char *sample(Model *m, double t)
 {
-    const double step = t - m->last_time;
-    const char *problem = NULL;
-    if (m->domain == 0) return NULL;
-    if (m->plain == 0) {
-        problem = check_internal_step(m, step);
-        if (!problem) problem = remember_command(m, t, step);
-        for (int i = 0; i < 3; i++) m->z[i] = real_clamp(m->z[i], -1.0, 1.0);
-    }
-    if (problem) return problem;
+    const char *problem = m->plain == 0 && m->domain != 0 ? finish_joints(m, t) : NULL;
+    if (problem || m->domain == 0) return problem;
     if (!inside_domain(m)) {
         m->domain = 0;
         memcpy(ARM_STATE(m), m->kept, sizeof m->kept);

@@ -6,7 +6,12 @@
 #ifndef JOINT_H
 #define JOINT_H
 
+#include <stdio.h>
+
 #include "elementary.h"
+#include "ring.h"
+
+#define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
 
 #define JOINT_PARAMETERS(F) \
     F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(coulomb_asymmetry) F(viscous_asymmetry) \
@@ -104,6 +109,53 @@ static inline double joint_spring(const Joint *j, double stretch, double rate)
     double torque = beyond / j->joint_compliance;
     if (j->joint_damping != 0 && (half == 0 || beyond != 0)) torque += j->joint_damping * rate;
     return torque;
+}
+
+/* The command of `delay` earlier. A command is held over its step; the ring holds (start of step, commands), `now` is the
+ * start of the present step and `present` its command. Where the delay is k + a steps, the two commands that share this
+ * step are averaged, a u[n-k-1] + (1 - a) u[n-k]: exact for whole steps, the right impulse for others, no jump inside a step. */
+static inline double joint_delayed_command(const Ring *ring, int column, double present, double now, double delay)
+{
+    const double then = now - delay;
+    const int at = ring_find(ring, then);
+    if (at < 0) return ring_at(ring, 0)[column];
+    const double *before = ring_at(ring, at), *after = at + 1 < ring->count ? ring_at(ring, at + 1) : NULL;
+    const double late = then - before[0], gap = (after ? after[0] : now) - before[0];
+    if (late <= RING_SAME) return before[column];
+    return before[column] + late / gap * ((after ? after[column] : present) - before[column]);
+}
+
+/* Keeps a command; the oldest are dropped only when no delay reaches them any more. NULL, or why it does not fit. */
+static inline const char *joint_remember(Ring *ring, const double *record, double oldest, double delay, double step, char *text, size_t size)
+{
+    while (ring->count > 1 && ring_at(ring, 1)[0] < oldest - RING_SAME) ring_drop_oldest(ring);
+    if (ring->count == ring->capacity) {
+        (void)snprintf(text, size, "time_delay = %g s does not fit the buffer of %d commands: %g s at the step of %g s", delay,
+            ring->capacity, ring->capacity * step, step);
+        return text;
+    }
+    ring_insert(ring, record);
+    return NULL;
+}
+
+/* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do. */
+static inline const char *joint_check_step(const Joint *j, int number, double step, double internal_steps, char *text, size_t size)
+{
+    const double h = step / internal_steps;
+    if (j->actuator_lag > 0 && h > RK4_REACH * j->actuator_lag) {
+        (void)snprintf(text, size, "actuator_lag[%d] = %g s is too short for the internal step of %g s: set internal_steps to %d or more",
+            number, j->actuator_lag, h, (int)(step / j->actuator_lag) + 1);
+        return text;
+    }
+    if (j->joint_compliance > 0) {
+        const double rate = sqrt(1 / (j->joint_compliance * j->motor_inertia)) + j->joint_damping / j->motor_inertia;
+        if (h * rate > RK4_REACH) {
+            (void)snprintf(text, size, "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step of %g s: "
+                "set internal_steps to %d or more", number, j->joint_compliance, h, (int)(step * rate) + 1);
+            return text;
+        }
+    }
+    return NULL;
 }
 
 /* Encoder: the count nearest to q + offset, or q + offset itself (rad). */

@@ -1,0 +1,143 @@
+/* One driven joint. Equations: README.md; friction, actuator, elasticity, encoder: ../shared/joint.h.
+ *
+ *   inertia ddq + gravity_sin sin q + gravity_cos cos q + friction + required = tau_motor + f
+ */
+#include <stddef.h>
+#include <stdio.h>
+
+#include "../shared/joint.h"
+
+#define DELAYED_CAPACITY 512
+#define AXIS_STATES 6
+#define AXIS_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
+
+static Joint joint_of(const Model *m)
+{
+    Joint j;
+#define JOINT_FIELD(name) j.name = m->name;
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+    return j;
+}
+
+static Ring delayed_ring(Model *m)
+{
+    Ring r = {m->delayed, DELAYED_CAPACITY, 2, (int)m->delayed_head, (int)m->delayed_count};
+    return r;
+}
+
+static void set_start_state(Model *m)
+{
+    m->q_link = m->q_motor = m->q_start;
+    m->dq_link = m->dq_motor = m->dq_start;
+    m->z = m->tau_lag = 0;
+    m->domain = 1;
+}
+
+/* What the amplifier would deliver without lag (N m). */
+static double delivered(Model *m, const Joint *j)
+{
+    double command = m->tau;
+    if (m->time_delay > 0 && m->delayed_count > 0) {
+        const Ring ring = delayed_ring(m);
+        command = joint_delayed_command(&ring, 1, m->tau, m->last_time, m->time_delay);
+    }
+    return joint_delivered(j, command);
+}
+
+/* Required torque from the other joint (N m). */
+static double coupling(const Model *m, const Joint *j)
+{
+    double torque = 0;
+    if (m->coupling_viscous != 0) torque += m->coupling_viscous * m->dq_other;
+    if (m->coupling_coulomb != 0) torque += m->coupling_coulomb * joint_sign(j, m->dq_other);
+    if (m->coupling_stiffness != 0) torque += m->coupling_stiffness * m->q_other;
+    return torque;
+}
+
+static void derivatives(Model *m, double t)
+{
+    const Joint j = joint_of(m);
+    const int elastic = j.joint_compliance > 0;
+    double inertia = m->inertia;
+    m->der_q_link = m->ddq = m->der_z = m->der_tau_lag = m->der_q_motor = m->der_dq_motor = 0;
+    if (m->domain == 0) return;
+
+    const double q = elastic ? m->q_motor : m->q_link, dq = elastic ? m->dq_motor : m->dq_link;
+    const double ideal = delivered(m, &j), motor = j.actuator_lag > 0 ? m->tau_lag : ideal;
+    double torque = motor - joint_required(&j, q, dq, m->z, motor, t) - coupling(m, &j);
+    if (j.actuator_lag > 0) m->der_tau_lag = (ideal - m->tau_lag) / j.actuator_lag;
+    if (j.hysteresis != 0) m->der_z = joint_hysteresis_rate(&j, dq, m->z);
+    if (elastic) {
+        const double spring = joint_spring(&j, m->q_motor - m->q_link, m->dq_motor - m->dq_link);
+        m->der_q_motor = m->dq_motor;
+        m->der_dq_motor = (torque - spring) / j.motor_inertia;
+        torque = spring;
+        inertia -= j.motor_inertia;
+    }
+    if (m->gravity_sin != 0 || m->gravity_cos != 0) {
+        double sine, cosine;
+        sincos_real(m->q_link, &sine, &cosine);
+        torque -= m->gravity_sin * sine + m->gravity_cos * cosine;
+    }
+    m->der_q_link = m->dq_link;
+    m->ddq = (torque + m->f) / inertia;
+}
+
+static const char *start(Model *m)
+{
+    const Joint j = joint_of(m);
+    memset(m->message, 0, sizeof m->message);
+    set_start_state(m);
+    m->delayed_head = m->delayed_count = m->last_time = 0;
+    if (m->backlash > 0 && !(m->joint_compliance > 0)) {
+        snprintf((char *)m->message, sizeof m->message, "joint_compliance = %g: backlash = %g needs a compliance > 0", m->joint_compliance, m->backlash);
+        return (const char *)m->message;
+    }
+    if (m->joint_compliance > 0 && !(m->motor_inertia > 0 && m->motor_inertia < m->inertia)) {
+        snprintf((char *)m->message, sizeof m->message, "motor_inertia = %g is outside (0, %g): an elastic joint needs a part of the inertia",
+            m->motor_inertia, m->inertia);
+        return (const char *)m->message;
+    }
+    if (m->actuator_lag > 0) m->tau_lag = delivered(m, &j);
+    memcpy(m->kept, AXIS_STATE(m), sizeof m->kept);
+    m->started = 1;
+    return NULL;
+}
+
+static const char *sample(Model *m, double t)
+{
+    const Joint j = joint_of(m);
+    const double step = t - m->last_time, record[2] = {m->last_time, m->tau}, *state = AXIS_STATE(m);
+    char *text = (char *)m->message;
+    if (m->domain == 0) return NULL;
+    const char *problem = joint_check_step(&j, 1, step, m->internal_steps, text, sizeof m->message);
+    if (problem) return problem;
+    if (m->time_delay > 0) {
+        Ring ring = delayed_ring(m);
+        problem = joint_remember(&ring, record, t - m->time_delay, m->time_delay, step, text, sizeof m->message);
+        m->delayed_head = ring.head;
+        m->delayed_count = ring.count;
+        if (problem) return problem;
+    }
+    m->z = real_clamp(m->z, -1.0, 1.0);
+    for (int i = 0; i < AXIS_STATES; i++)
+        if (!(fabs(state[i]) < 1e6)) m->domain = 0;
+    if (m->domain == 0) memcpy(AXIS_STATE(m), m->kept, sizeof m->kept);
+    memcpy(m->kept, AXIS_STATE(m), sizeof m->kept);
+    m->last_time = t;
+    return NULL;
+}
+
+static void outputs(Model *m, double t)
+{
+    (void)t;
+    if (m->started == 0) set_start_state(m);
+    const Joint j = joint_of(m);
+    const int elastic = m->joint_compliance > 0;
+    m->q = joint_encoder(&j, elastic ? m->q_motor : m->q_link);
+    m->dq = elastic ? m->dq_motor : m->dq_link;
+    m->tau_motor = delivered(m, &j);
+    m->saturated = m->torque_saturation > 0 && fabs(m->tau_motor) >= m->torque_saturation;
+    if (m->actuator_lag > 0) m->tau_motor = m->tau_lag;
+}

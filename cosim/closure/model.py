@@ -1,0 +1,253 @@
+"""The model as it stands: the complete model with the effects chosen so far, fitted by blocks."""
+
+from functools import cached_property
+
+import numpy as np
+from attrs import define, evolve, field, frozen
+
+from cosim.closure.friction import Law, laws
+from cosim.closure.gram import Fit, Gram, accumulate, fit
+from cosim.closure.setting import Setting
+from cosim.effects import Effect, Scene
+from cosim.effects.effect import Theta
+
+
+@frozen
+class Choice:
+    """An effect on a set of joints (0-based) at values of its nonlinear parameters."""
+
+    effect: Effect
+    joints: tuple[int, ...]
+    theta: Theta = ()
+
+    @property
+    def key(self) -> tuple[str, tuple[int, ...]]:
+        return self.effect.name, self.joints
+
+
+@define(eq=False)
+class Model:
+    """Complete model and chosen effects on a setting: weighted design (J, m, p), its normal equations and the fit.
+
+    laws: one friction law a joint; skew [s]: how late the recorded torque acts because of sampling; weight (J,) one over the noise
+    scale [1/(N.m)]; columns: those of each choice, joint -> (m, k).
+    """
+
+    setting: Setting
+    laws: tuple[Law, ...]
+    skew: float
+    weight: np.ndarray
+    choices: tuple[Choice, ...] = ()
+    columns: tuple[dict[int, np.ndarray], ...] = ()
+    seen: Scene | None = None
+    _cache: dict = field(factory=dict, repr=False)
+
+    @cached_property
+    def base(self) -> np.ndarray:
+        """Design (J, m, p0) of the complete model, unweighted: linear columns, viscous and Coulomb friction of each joint."""
+        s = self.setting
+        count = len(s.names)
+        out = np.zeros((s.joints, s.y.shape[1], count + 2 * s.joints))
+        out[:, :, :count] = s.linear
+        for j in range(s.joints):
+            out[j, :, count + j] = s.viscous[j]
+            out[j, :, count + s.joints + j] = self.sign(j)
+        return out
+
+    def sign(self, joint: int) -> np.ndarray:
+        key = (joint, self.laws[joint])
+        if key not in self._cache:
+            self._cache[key] = self.setting.sign(*key)
+        return self._cache[key]
+
+    @cached_property
+    def target(self) -> np.ndarray:
+        """y (J, m) with the sampling skew taken out."""
+        return self.setting.y - self.skew * self.setting.slope
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """(J, m, 1) weight of each row; zero where a row is not used."""
+        return (self.setting.use * self.weight[:, None])[..., None]
+
+    @cached_property
+    def design(self) -> np.ndarray:
+        """Weighted design (J, m, p)."""
+        blocks = [self.base, *(spread(c, self.setting) for c in self.columns)]
+        return np.concatenate(blocks, axis=2) * self.scale
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        """Weighted target (J, m)."""
+        return self.target * self.scale[..., 0]
+
+    @cached_property
+    def gram(self) -> Gram:
+        rows = self.setting.rows
+        return accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks)
+
+    @cached_property
+    def fit(self) -> Fit:
+        return fit(self.gram)
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """measured - predicted (J, m) [N.m] on all thinned rows, with the coefficients of the fitted rows."""
+        blocks = [self.base, *(spread(c, self.setting) for c in self.columns)]
+        return self.target - np.concatenate(blocks, axis=2) @ self.fit.beta
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coefficients of the complete model."""
+        n = range(1, self.setting.joints + 1)
+        return (*self.setting.names, *(f"viscous[{k}]" for k in n), *(f"coulomb[{k}]" for k in n))
+
+    def coefficients(self, number: int) -> slice:
+        """Where the coefficients of choice `number` are."""
+        sizes = [next(iter(c.values())).shape[1] for c in self.columns]
+        start = self.base.shape[2] + sum(sizes[:number])
+        return slice(start, start + sizes[number])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What effects may look at, at the full rate, with the coefficients as fitted."""
+        s, m, beta = self.setting, self.setting.motion, self.fit.beta
+        p, nj = len(s.names), s.joints
+        viscous, coulomb = beta[p : p + nj], beta[p + nj : p + 2 * nj]
+        sign = np.stack([law(m.dq[:, j]) for j, law in enumerate(self.laws)], axis=1)
+        rigid = s.full @ beta[:p] + s.known
+        friction = viscous * m.dq + coulomb * sign
+        pi = None
+        if s.device == "phantom":
+            pi = s.declared_pi if s.declared_pi is not None else beta[:8]
+        scene = Scene(
+            motion=m, device=s.device, sign=sign, rigid=rigid, friction=friction, prediction=rigid + friction, viscous=viscous,
+            coulomb=coulomb, rigid_torque=self._rigid(beta, pi), pi=pi, declared=s.declared_pi is not None, gravity=s.gravity,
+        )  # fmt: skip
+        extra = np.zeros_like(rigid)
+        for number, choice in enumerate(self.choices):
+            if not choice.effect.actuator:
+                for j, values in choice.effect.columns(self.seen or scene, choice.joints, choice.theta).items():
+                    extra[:, j] += values @ beta[self.coefficients(number)]
+        return evolve(scene, prediction=rigid + friction + extra)
+
+    def _rigid(self, beta: np.ndarray, pi: np.ndarray | None):
+        s = self.setting
+        if pi is not None:
+            from cosim.arm.dynamics import inverse_dynamics
+
+            return lambda q, dq, ddq: inverse_dynamics(pi, q, dq, ddq)
+        if s.device == "axis":
+            value = dict(zip(s.names, beta, strict=False))
+            a, b = value.get("gravity_sin", 0.0), value.get("gravity_cos", 0.0)
+            return lambda q, dq, ddq: value["inertia"] * ddq + a * np.sin(q) + b * np.cos(q)
+        return None
+
+    def joint_error(self) -> tuple[np.ndarray, np.ndarray]:
+        """Squared error (T, J) of fitted blocks left out in turn and (H, J) of held-out blocks, weighted."""
+        t = self.setting.rows.train_blocks
+        return self.fit.sse[:t], self.fit.sse[t:]
+
+
+def spread(columns: dict[int, np.ndarray], setting: Setting) -> np.ndarray:
+    """Columns of some joints as a design (J, m, k), zero elsewhere."""
+    k = next(iter(columns.values())).shape[1]
+    out = np.zeros((setting.joints, setting.y.shape[1], k))
+    for j, values in columns.items():
+        out[j] = values
+    return out
+
+
+def filtered(setting: Setting, effect: Effect, full: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Full-rate columns of an effect, filtered and thinned."""
+    return {j: setting.rows.filtered(values, effect.sharp) for j, values in full.items()}
+
+
+def complete(setting: Setting) -> Model:
+    """The complete model: friction laws, sampling skew and weights fitted."""
+    top = np.percentile(np.abs(setting.motion.dq), 99, axis=0)
+    start = tuple(Law("algebraic", 0.01 * float(v)) for v in top)
+    scale = np.sqrt([np.mean(y[u] ** 2) if u.any() else 1.0 for y, u in zip(setting.y, setting.use, strict=True)])
+    model = Model(setting, start, 0.0, 1 / np.maximum(scale, 1e-12))
+    return settled(model)
+
+
+def settled(model: Model) -> Model:
+    """Friction laws and skew chosen by the fitted rows, weights from the residual; a second pass of the laws settles both."""
+    model = _reweighted(model)
+    model = _best_laws(model)
+    return _reweighted(_best_skew(model))
+
+
+def with_choices(model: Model, choices: tuple[Choice, ...], passes: int = 1) -> Model:
+    """The model with these effects; dynamic columns are formed again from each new prediction."""
+    scene = model.scene
+    columns = tuple(_columns(model, c, scene) for c in choices)
+    new = Model(model.setting, model.laws, model.skew, model.weight, choices, columns, scene, model._cache)
+    dynamic = any(c.effect.dynamic for c in choices)
+    for _ in range(passes if dynamic else 0):
+        scene = new.scene
+        columns = tuple(_columns(new, c, scene) if c.effect.dynamic else old for c, old in zip(choices, new.columns, strict=True))
+        new = evolve_model(new, columns=columns, seen=scene)
+    return new
+
+
+def _columns(model: Model, choice: Choice, scene: Scene) -> dict[int, np.ndarray]:
+    laws_used = tuple(model.laws[j] for j in range(model.setting.joints))
+    key = (choice.effect.name, choice.joints, choice.theta, laws_used)
+    if choice.effect.dynamic:
+        return filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, choice.theta))
+    if key not in model._cache:
+        model._cache[key] = filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, choice.theta))
+    return model._cache[key]
+
+
+def evolve_model(model: Model, **changes) -> Model:
+    """A new model with some fields changed (the fit is made anew)."""
+    fields = {name: getattr(model, name) for name in ("setting", "laws", "skew", "weight", "choices", "columns", "seen")}
+    return Model(**(fields | changes), cache=model._cache)
+
+
+def train_error(model: Model) -> float:
+    """Weighted squared error of the fitted rows, in sample."""
+    return float(model.fit.in_sample[: model.setting.rows.train_blocks].sum())
+
+
+def _reweighted(model: Model) -> Model:
+    used = model.setting.use & ~model.setting.rows.test
+    left = [np.sqrt(np.mean(r[u] ** 2)) if u.any() else 1.0 for r, u in zip(model.residual, used, strict=True)]
+    return evolve_model(model, weight=1 / np.maximum(left, 1e-12))
+
+
+def _best_laws(model: Model) -> Model:
+
+    top = np.percentile(np.abs(model.setting.motion.dq), 99, axis=0)
+    p, nj = len(model.setting.names), model.setting.joints
+    for j in range(nj):
+        options = {}
+        for law in laws(float(top[j])):
+            column = model.setting.sign(j, law) if (j, law) not in model._cache else model._cache[j, law]
+            model._cache[j, law] = column
+            options[law] = _swap_error(model, p + nj + j, j, column)
+        best = min(options, key=options.get)
+        if options[best] < _swap_error(model, p + nj + j, j, model.sign(j)):
+            model = evolve_model(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
+    return model
+
+
+def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> float:
+    """In-sample error of the fitted rows with one column of one joint replaced."""
+    train = ~model.setting.rows.test
+    x = model.design[:, train].copy()
+    x[joint, :, place] = column[train] * model.scale[joint, train, 0]
+    flat, y = x.reshape(-1, x.shape[2]), model.y[:, train].ravel()
+    g, h = flat.T @ flat, flat.T @ y
+    scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
+    beta = np.linalg.solve(g * scale[:, None] * scale + 1e-10 * np.eye(len(g)), h * scale) * scale
+    return float(y @ y - 2 * h @ beta + beta @ g @ beta)
+
+
+def _best_skew(model: Model) -> Model:
+    step = model.setting.motion.step
+    options = [evolve_model(model, skew=k * step) for k in (0.0, 0.5, 1.0)]
+    return min(options, key=train_error)

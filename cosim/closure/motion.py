@@ -1,0 +1,206 @@
+"""A recording made ready: smoothed signals with derivatives at the full rate, and the thinned rows that residuals are formed on."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import frozen
+
+from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, position_noise, slope_kernel
+from cosim.measured import Recording, Run
+
+BLOCK = 0.5  # s, shortest length of the contiguous blocks that statistics count in
+MOST_BLOCKS = 60  # of the fitted rows
+
+
+@frozen(eq=False)
+class Motion:
+    """Signals of all runs below each other, n rows at the full rate, nj joints. SI.
+
+    time (n,), run (n,) number of the run, test (n,) held out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as
+    recorded; regressor (n, p), rigid (n,), other name -> (n,); velocity_noise (nj,) standard deviation of dq from encoder noise.
+    """
+
+    step: float
+    widths: Widths
+    bounds: tuple[tuple[int, int], ...]
+    names: tuple[str, ...]
+    time: np.ndarray
+    run: np.ndarray
+    test: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    tau: np.ndarray
+    tau_raw: np.ndarray
+    q_ref: np.ndarray | None
+    force: np.ndarray | None
+    regressor: np.ndarray | None
+    rigid: np.ndarray | None
+    other: Mapping[str, np.ndarray]
+    velocity_noise: np.ndarray
+    differentiated: bool  # whether dq, ddq come from q (else they were recorded)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints nj."""
+        return self.q.shape[1]
+
+    def per_run(self, function, x: np.ndarray) -> np.ndarray:
+        """Apply a function to the rows of each run of x (n, ...)."""
+        return np.concatenate([function(x[a:b]) for a, b in self.bounds])
+
+    def smooth(self, x: np.ndarray) -> np.ndarray:
+        """K x, for a signal formed from raw ones."""
+        weights = kernel(self.widths.first / self.step)
+        return self.per_run(lambda part: convolve(part, weights), x)
+
+    def rate(self, x: np.ndarray) -> np.ndarray:
+        """Time derivative of a smooth signal x (n, ...), by central differences within each run."""
+        return self.per_run(lambda part: np.gradient(part, self.step, axis=0), x)
+
+    def advanced(self, x: np.ndarray, seconds: float) -> np.ndarray:
+        """x(t + seconds) within each run, linear between samples; the ends are held."""
+        def shift(part: np.ndarray) -> np.ndarray:
+            place = np.clip(np.arange(len(part)) + seconds / self.step, 0, len(part) - 1)
+            low = np.floor(place).astype(int)
+            high, share = np.minimum(low + 1, len(part) - 1), (place - low)[(...,) + (None,) * (part.ndim - 1)]
+            return part[low] * (1 - share) + part[high] * share
+
+        return self.per_run(shift, x)
+
+
+def prepare(recording: Recording, widths: Widths | None = None) -> Motion:
+    """Smoothed signals of every run; the kernels are chosen from the encoder noise unless given."""
+    runs = recording.runs
+    step = float(np.median([run.step for run in runs]))
+    widths = widths or choose_widths([run.q for run in runs], step)
+    stops = np.cumsum([len(run) for run in runs])
+    parts = [_derivatives(run, widths, step) for run in runs]
+
+    def stacked(pick) -> np.ndarray | None:
+        values = [pick(run) for run in runs]
+        return None if any(v is None for v in values) else np.concatenate(values)
+
+    noise = np.sqrt(np.mean([position_noise(run.q) ** 2 for run in runs], axis=0))
+    first = widths.first
+    return Motion(
+        step=step, widths=widths, bounds=tuple((int(b - len(run)), int(b)) for run, b in zip(runs, stops, strict=True)),
+        names=tuple(run.name for run in runs), time=stacked(lambda run: run.time),
+        run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]), test=stacked(lambda run: run.test),
+        q=np.concatenate([p[0] for p in parts]), dq=np.concatenate([p[1] for p in parts]),
+        ddq=np.concatenate([p[2] for p in parts]), tau=np.concatenate([p[3] for p in parts]),
+        tau_raw=stacked(lambda run: run.tau), q_ref=stacked(lambda run: run.q_ref), force=stacked(lambda run: run.force),
+        regressor=stacked(lambda run: run.regressor), rigid=stacked(lambda run: run.rigid),
+        other={name: np.concatenate([run.other[name] for run in runs]) for name in runs[0].other},
+        velocity_noise=noise * np.sqrt(step / (4 * np.sqrt(np.pi) * first**3)),
+        differentiated=any(run.dq is None or run.ddq is None for run in runs),
+    )  # fmt: skip
+
+
+def _derivatives(run: Run, widths: Widths, step: float) -> tuple[np.ndarray, ...]:
+    """q, dq, ddq, tau (n, nj) smoothed by K; recorded accelerations are used where the file has them."""
+    width = widths.first / step
+    smooth, slope, curve = kernel(width), slope_kernel(width), curve_kernel(width)
+    q, tau = convolve(run.q, smooth), convolve(run.tau, smooth)
+    if run.dq is not None and run.ddq is not None:
+        return q, convolve(run.dq, smooth), convolve(run.ddq, smooth), tau
+    return q, convolve(run.q, slope) / step, convolve(run.q, curve) / step**2, tau
+
+
+@frozen(eq=False)
+class Rows:
+    """Thinned rows: which are used for which joint, in which block they lie.
+
+    index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal, nor at an end;
+    block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows; train_blocks their count.
+    """
+
+    index: np.ndarray
+    moving: np.ndarray
+    block: np.ndarray
+    blocks: int
+    train_blocks: int
+    test: np.ndarray
+    standstill_speed: np.ndarray
+    block_seconds: float
+    thin: object
+    thin_sharp: object
+
+    def filtered(self, x: np.ndarray, sharp: bool) -> np.ndarray:
+        """F x, or K F x of a sharp column, on the thinned rows: (n, k) -> (m, k)."""
+        return (self.thin_sharp if sharp else self.thin) @ np.ascontiguousarray(x)
+
+
+def thinned(motion: Motion) -> Rows:
+    """Rows about one filter width apart, with standstill and reversals marked and blocks numbered."""
+    every = max(int(round(motion.widths.total / motion.step)), 1)
+    index = np.concatenate([np.arange(a + every // 2, b, every) for a, b in motion.bounds])
+    speed = standstill_speed(motion)
+    usable = _usable(motion, index, every)
+    moving = usable[:, None] & ~_near_reversal(motion, index, speed)
+    test = motion.test[index]
+    block, train_blocks, blocks, seconds = _blocks(motion, index, test)
+    return Rows(
+        index=index, moving=moving, block=block, blocks=blocks, train_blocks=train_blocks, test=test,
+        standstill_speed=speed, block_seconds=seconds,
+        thin=_operator(motion, index, motion.widths.second), thin_sharp=_operator(motion, index, motion.widths.total),
+    )  # fmt: skip
+
+
+def standstill_speed(motion: Motion) -> np.ndarray:
+    """Speed (nj,) under which a joint counts as standing: four times the encoder noise, at least 0.5 % of the top speed."""
+    top = np.percentile(np.abs(motion.dq), 99, axis=0)
+    return np.maximum(4 * motion.velocity_noise, 0.005 * top)
+
+
+def _usable(motion: Motion, index: np.ndarray, every: int) -> np.ndarray:
+    """Rows whose whole kernel lies inside their run and on one side of the split between fitted and held-out rows."""
+    reach = int(np.ceil(3.5 * motion.widths.total / motion.step))
+    good = np.zeros(len(motion.time), bool)
+    for a, b in motion.bounds:
+        good[a + reach : max(b - reach, a + reach)] = True
+    change = np.flatnonzero(np.diff(motion.test.astype(int)) != 0)
+    for c in change:
+        good[max(c - reach, 0) : c + reach + 1] = False
+    return good[index]
+
+
+def _near_reversal(motion: Motion, index: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """(m, nj): rows whose kernel sees a standstill or a change of direction of the joint."""
+    from scipy.ndimage import maximum_filter1d
+
+    slow = np.abs(motion.dq) < speed
+    sign = np.sign(motion.dq)
+    slow[1:] |= sign[1:] != sign[:-1]
+    reach = int(np.ceil(2.5 * motion.widths.total / motion.step))
+    return maximum_filter1d(slow.astype(np.uint8), 2 * reach + 1, axis=0)[index] > 0
+
+
+def _blocks(motion: Motion, index: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, int, int, float]:
+    """Contiguous blocks that cross neither a run nor the split; fitted ones numbered first."""
+    duration = len(index) * motion.widths.total if len(index) else 0.0
+    train_duration = (~motion.test).sum() * motion.step
+    seconds = max(BLOCK, 8 * motion.widths.total, train_duration / MOST_BLOCKS)
+    time = index * motion.step
+    raw = np.floor(time / seconds).astype(int)
+    key = np.stack([test.astype(int), motion.run[index], raw], axis=1)
+    _, block = np.unique(key, axis=0, return_inverse=True)
+    block = block.ravel()
+    train = len(np.unique(block[~test])) if (~test).any() else 0
+    return block, train, int(block.max()) + 1 if duration else 0, float(seconds)
+
+
+def _operator(motion: Motion, index: np.ndarray, width: float):
+    """Sparse (m, n) matrix of a Gaussian smoother on the thinned rows; weights outside the run are dropped and the rest rescaled."""
+    from scipy.sparse import csr_matrix
+
+    weights = kernel(width / motion.step)
+    half = len(weights) // 2
+    columns = index[:, None] + np.arange(-half, half + 1)
+    start = np.array([a for a, _ in motion.bounds])[motion.run[index]][:, None]
+    stop = np.array([b for _, b in motion.bounds])[motion.run[index]][:, None]
+    inside = (columns >= start) & (columns < stop)
+    values = np.where(inside, weights, 0.0)
+    values /= values.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(index)), len(weights))
+    return csr_matrix((values.ravel(), (rows, np.clip(columns, 0, len(motion.time) - 1).ravel())), (len(index), len(motion.time)))

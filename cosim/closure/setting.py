@@ -1,0 +1,88 @@
+"""The regression problem of a recording: what is predicted, the columns of the complete model, the rows that count."""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.closure.friction import Law
+from cosim.closure.motion import Motion, Rows
+from cosim.measured import Recording
+
+
+@frozen(eq=False)
+class Setting:
+    """Fixed parts of the problem. Full-rate signals in motion; thinned and filtered: y, slope (J, m), linear (J, m, p), dq (J, m).
+
+    names (p,) of the linear columns; full (n, J, p) the same at the full rate; known (n, J) torque that is taken as given;
+    free_offset: whether the model has a constant of its own.
+    """
+
+    device: str
+    motion: Motion
+    rows: Rows
+    names: tuple[str, ...]
+    full: np.ndarray
+    known: np.ndarray
+    linear: np.ndarray
+    viscous: np.ndarray
+    y: np.ndarray
+    slope: np.ndarray
+    use: np.ndarray
+    declared_pi: np.ndarray | None
+    gravity: float
+    labels: tuple[str, ...]
+
+    @property
+    def joints(self) -> int:
+        return self.motion.joints
+
+    def sign(self, joint: int, law: Law) -> np.ndarray:
+        """K F of the joint's smooth sign (m,)."""
+        return self.rows.filtered(law(self.motion.dq[:, [joint]]), sharp=True)[:, 0]
+
+
+def pose(recording: Recording, motion: Motion, rows: Rows) -> Setting:
+    """The regression problem of the recording's device."""
+    description = recording.description
+    declared = np.array(description.declared_pi) if description.parameters == "declared" else None
+    names, full, known = _COLUMNS[recording.device](motion, description, declared)
+    raw_columns = recording.device == "regressor"
+    linear = np.stack([rows.filtered(full[:, j], sharp=raw_columns) for j in range(motion.joints)])
+    target = rows.filtered(motion.tau, False) - rows.filtered(known, raw_columns)
+    gravity = -9.81 if description.configuration.startswith("USD") else 9.81
+    return Setting(
+        device=recording.device, motion=motion, rows=rows, names=names, full=full, known=known, linear=linear,
+        viscous=rows.filtered(motion.dq, False).T, y=target.T, slope=rows.filtered(motion.rate(motion.tau), False).T,
+        use=rows.moving.T.copy(), declared_pi=declared, gravity=gravity, labels=recording.joints,
+    )  # fmt: skip
+
+
+def without(setting: Setting, use: np.ndarray) -> Setting:
+    """The same problem on other rows; use (J, m) bool."""
+    return evolve(setting, use=use)
+
+
+def _phantom(motion: Motion, description, declared):
+    from cosim.arm.dynamics import regressor
+
+    full = regressor(motion.q, motion.dq, motion.ddq)
+    if declared is not None:
+        return (), full[..., :0], full @ declared
+    return tuple(f"pi[{k + 1}]" for k in range(8)), full, np.zeros_like(motion.q)
+
+
+def _axis(motion: Motion, description, declared):
+    q, ddq = motion.q[:, 0], motion.ddq[:, 0]
+    parts = {"inertia": ddq, "torque_offset": np.ones_like(q)}
+    if description.gravity:
+        parts |= {"gravity_sin": np.sin(q), "gravity_cos": np.cos(q)}
+    return tuple(parts), np.stack(list(parts.values()), axis=1)[:, None, :], np.zeros_like(motion.q)
+
+
+def _regressor(motion: Motion, description, declared):
+    n = len(motion.time)
+    columns = np.zeros((n, 0)) if motion.regressor is None else motion.regressor
+    known = np.zeros((n, 1)) if motion.rigid is None else motion.rigid[:, None]
+    return tuple(description.columns.regressor), columns[:, None, :], known
+
+
+_COLUMNS = {"phantom": _phantom, "axis": _axis, "regressor": _regressor}

@@ -1,0 +1,124 @@
+"""What an effect is: a name, its physics, the columns it adds to the regression, when it is physical, what it is mistaken for."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import field, frozen
+
+Theta = tuple[float, ...]
+
+
+@frozen(eq=False)
+class Scene:
+    """What an effect may look at: the motion and the model as it stands, n rows at the full rate, nj joints.
+
+    sign (n, nj) smooth sign of dq by the friction law in use; rigid, prediction (n, nj) torque of the rigid body and of the whole
+    model [N.m]; friction (n, nj); viscous, coulomb (nj,); rigid_torque(q, dq, ddq) -> (n, nj), None where the device has no equations
+    of motion; pi (8,) of the PHANToM or None; declared: whether pi is trusted rather than fitted; tip torque of a force by `arm`.
+    motion: cosim.closure.motion.Motion.
+    """
+
+    motion: object
+    device: str
+    sign: np.ndarray
+    rigid: np.ndarray
+    friction: np.ndarray
+    prediction: np.ndarray
+    viscous: np.ndarray
+    coulomb: np.ndarray
+    rigid_torque: object = None
+    pi: np.ndarray | None = None
+    declared: bool = False
+    gravity: float = 9.81  # negative for an arm that hangs upside down
+    units: Mapping[str, str] = field(factory=dict)
+
+    @property
+    def joints(self) -> int:
+        return self.motion.joints
+
+    def speed_range(self, joint: int) -> tuple[float, float]:
+        """Speeds [rad/s] between which the joint mostly moves: 5th and 99th percentile of |dq|."""
+        low, high = np.percentile(np.abs(self.motion.dq[:, joint]), (5, 99))
+        return float(low), float(high)
+
+    def angle_range(self, joint: int) -> float:
+        """Width [rad] of the travelled range, 1st to 99th percentile."""
+        low, high = np.percentile(self.motion.q[:, joint], (1, 99))
+        return float(high - low)
+
+
+@frozen(eq=False)
+class Estimate:
+    """Coefficients of an effect's columns as fitted: beta, std (k,), theta, on which joints, beside what."""
+
+    beta: np.ndarray
+    std: np.ndarray
+    theta: Theta
+    joints: tuple[int, ...]
+    scene: Scene
+
+    def sure_sign(self, k: int = 0) -> int:
+        """+1 or -1 where coefficient k is two standard deviations from zero, else 0."""
+        return int(np.sign(self.beta[k])) if abs(self.beta[k]) > 2 * self.std[k] else 0
+
+
+@frozen
+class Alias:
+    """Another effect that data may not tell from this one, and the experiment that would."""
+
+    name: str
+    separated_by: str
+
+
+class Effect(ABC):
+    """One physical effect that a model may lack. Subclasses are frozen and hold no data."""
+
+    name: str = ""
+    title: str = ""
+    equation: str = ""
+    source: str = ""
+    unit: str = "N.m"
+    sharp: bool = True  # columns jump with the motion and need the filter K as well
+    dynamic: bool = False  # columns are formed from the model's own prediction and change with it
+    actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
+    aliases: tuple[Alias, ...] = ()
+    needs: str = ""  # what the data must hold
+
+    def joint_sets(self, scene: Scene) -> tuple[tuple[int, ...], ...]:
+        """Sets of joints (0-based) on which the effect is looked for; one coefficient set each."""
+        return tuple((j,) for j in range(scene.joints))
+
+    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+        """Values of the nonlinear parameters to try; one empty tuple where there are none."""
+        return ((),)
+
+    @abstractmethod
+    def columns(self, scene: Scene, joints: tuple[int, ...], theta: Theta) -> Mapping[int, np.ndarray]:
+        """Required torque per unit of each coefficient: joint -> (n, k)."""
+
+    @abstractmethod
+    def labels(self, joints: tuple[int, ...], theta: Theta) -> tuple[str, ...]:
+        """FMU parameter that each coefficient is, such as "stribeck[1]"."""
+
+    def theta_labels(self, joints: tuple[int, ...]) -> tuple[str, ...]:
+        """FMU parameter that each nonlinear parameter is."""
+        return ()
+
+    def parameters(self, estimate: Estimate) -> dict[str, float]:
+        """FMU parameters of an estimate."""
+        labels = self.labels(estimate.joints, estimate.theta) + self.theta_labels(estimate.joints)
+        return dict(zip(labels, (*map(float, estimate.beta), *estimate.theta), strict=False))
+
+    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+        """Why this data cannot show the effect; empty where it can."""
+        return ""
+
+    def unphysical(self, estimate: Estimate) -> str:
+        """Why the estimate cannot be this effect; empty where it can."""
+        return ""
+
+
+def per_joint(name: str, joints: tuple[int, ...]) -> str:
+    """FMU variable of a joint's parameter: "stribeck[2]" for joints (1,)."""
+    return f"{name}[{joints[0] + 1}]"

@@ -1,0 +1,27 @@
+"""Friction that grows with the transmitted torque."""
+
+import numpy as np
+
+from cosim.effects.effect import Alias, Effect, Estimate, per_joint
+
+
+class LoadFriction(Effect):
+    """Gear or capstan friction: a share of the motor's torque."""
+
+    name = "load_friction"
+    title = "load-dependent friction"
+    equation = "tau += c |tau| s(dq), c > 0"
+    source = "Hamon, Gautier, Garrec, Janot 2010, AIM; capstan equation for cables"
+    unit = "1"
+    aliases = (Alias("position_friction", "the same angles under another load"),)
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: np.abs(scene.motion.tau[:, joints]) * scene.sign[:, joints]}
+
+    def labels(self, joints, theta):
+        return (per_joint("load_friction", joints),)
+
+    def unphysical(self, estimate: Estimate) -> str:
+        if estimate.beta[0] < 0:
+            return "friction that falls with the load"
+        return "friction larger than the load that causes it" if estimate.beta[0] - 2 * estimate.std[0] > 1 else ""

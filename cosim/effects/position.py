@@ -1,0 +1,156 @@
+"""Effects of the angle of a joint: friction that varies with it, springs and cables, ripple, hysteresis."""
+
+import numpy as np
+
+from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+
+
+class PositionFriction(Effect):
+    """A Coulomb level that changes around the turn."""
+
+    name = "position_friction"
+    title = "Coulomb friction that depends on the angle"
+    equation = "tau += (a sin q + b cos q) s(dq)"
+    source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
+    aliases = (Alias("load_friction", "the same angles under another load"),)
+
+    def columns(self, scene, joints, theta):
+        q, s = scene.motion.q[:, joints], scene.sign[:, joints]
+        return {joints[0]: np.concatenate((np.sin(q) * s, np.cos(q) * s), axis=1)}
+
+    def labels(self, joints, theta):
+        return (per_joint("position_friction_sin", joints), per_joint("position_friction_cos", joints))
+
+    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+        return "the joint turns less than 0.2 rad" if scene.angle_range(joints[0]) < 0.2 else ""
+
+    def unphysical(self, estimate: Estimate) -> str:
+        j = estimate.joints[0]
+        low, high = np.percentile(estimate.scene.motion.q[:, j], (1, 99))
+        q = np.linspace(low, high, 50)
+        level = estimate.scene.coulomb[j] + estimate.beta[0] * np.sin(q) + estimate.beta[1] * np.cos(q)
+        slack = 3 * np.abs(estimate.std).sum()
+        return "the Coulomb level would be negative within the range of motion" if level.min() < -slack else ""
+
+
+class PositionTorque(Effect):
+    """A torque that only depends on the angle: cable, return spring, counterbalance."""
+
+    name = "position_torque"
+    title = "torque that depends on the angle"
+    equation = "tau += k q (+ k3 q^3), or + k q + k2 q^2 (+ k3 q^3), or + a sin q + b cos q"
+    source = "Taati et al. 2008, section 4.2 (counterbalance); cable harness"
+    unit = "N.m/rad"
+    sharp = False
+    aliases = (
+        Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
+        Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
+        Alias("torque_offset", "a wider range of the joint"),
+    )
+    SHAPES = ((1,), (1, 2), (1, 2, 3), (1, 3), (0, 1), (0, 1, 2), (0, 1, 2, 3), (8, 9))
+    NAMES = {0: "torque_offset", 1: "position_torque", 2: "position_torque_quadratic", 3: "position_torque_cubic",
+             8: "position_torque_sin", 9: "position_torque_cos"}  # fmt: skip
+
+    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+        return tuple((float(k),) for k in range(len(self.SHAPES)))
+
+    def columns(self, scene, joints, theta):
+        q = scene.motion.q[:, joints]
+        powers = {8: np.sin, 9: np.cos}
+        parts = [powers[k](q) if k in powers else q**k for k in self.SHAPES[int(theta[0])]]
+        return {joints[0]: np.concatenate(parts, axis=1)}
+
+    def labels(self, joints, theta):
+        return tuple(per_joint(self.NAMES[k], joints) for k in self.SHAPES[int(theta[0])])
+
+    def parameters(self, estimate: Estimate) -> dict[str, float]:
+        return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
+
+
+class TorqueRipple(Effect):
+    """Cogging or torque ripple: periodic in the angle."""
+
+    name = "torque_ripple"
+    title = "torque ripple"
+    equation = "tau += a sin(n q) + b cos(n q), n cycles a turn of the joint"
+    source = "Holtz, Springob 1996, IEEE Trans. Ind. Electronics 43(2)"
+    aliases = (Alias("position_torque", "finer steps of angle, slowly"),)
+    needs = "speeds low enough for the filter to pass the ripple"
+
+    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+        span = scene.angle_range(joints[0])
+        speed = float(np.sqrt(np.mean(scene.motion.dq[:, joints[0]] ** 2)))
+        if span < 1e-3 or speed <= 0:
+            return ()
+        lowest = 1.5 * 2 * np.pi / span
+        highest = min(1.2 / (scene.motion.widths.total * speed), 400.0)
+        if highest <= lowest:
+            return ()
+        step = 0.45 * 2 * np.pi / span
+        orders = np.arange(lowest, highest, step)
+        return tuple((float(n),) for n in orders[:160])
+
+    def columns(self, scene, joints, theta):
+        q = scene.motion.q[:, joints]
+        return {joints[0]: np.concatenate((np.sin(theta[0] * q), np.cos(theta[0] * q)), axis=1)}
+
+    def labels(self, joints, theta):
+        return (per_joint("ripple_sin", joints), per_joint("ripple_cos", joints))
+
+    def theta_labels(self, joints):
+        return (per_joint("ripple_order", joints),)
+
+    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+        return "" if self.grid(scene, joints) else "the motion is too fast or too small for any ripple to pass the filter"
+
+
+class Hysteresis(Effect):
+    """Friction that builds up over a distance after a reversal: presliding, cable, gear (Dahl)."""
+
+    name = "hysteresis"
+    title = "hysteresis (presliding, cable)"
+    equation = "tau += h z, dz/dt = (dq - |dq| z) / length, h > 0"
+    source = "Dahl 1968, TOR-158(3107-18)"
+    aliases = (
+        Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
+        Alias("backlash", "an encoder on the link"),
+    )
+
+    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+        return tuple((float(x),) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: dahl(scene.motion, joints[0], theta[0])[:, None]}
+
+    def labels(self, joints, theta):
+        return (per_joint("hysteresis", joints),)
+
+    def theta_labels(self, joints):
+        return (per_joint("hysteresis_length", joints),)
+
+    def unphysical(self, estimate: Estimate) -> str:
+        return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
+
+
+def dahl(motion, joint: int, length: float) -> np.ndarray:
+    """State z (n,) of dz/dt = (dq - |dq| z) / length over each run, exact for a constant direction between samples.
+
+    Between samples the joint moves by d: z' = sgn(d) + (z - sgn(d)) exp(-|d| / length). Moves below the standstill noise count too.
+    """
+    out = np.empty(len(motion.time))
+    for a, b in motion.bounds:
+        move = np.diff(motion.q[a:b, joint], prepend=motion.q[a, joint])
+        out[a:b] = _relaxed(np.sign(move), np.exp(-np.abs(move) / length))
+    return out
+
+
+def _relaxed(target: np.ndarray, keep: np.ndarray) -> np.ndarray:
+    """z_k = target_k + (z_(k-1) - target_k) keep_k, from 0; closed form over stretches of constant target."""
+    out = np.empty(len(target))
+    edges = np.r_[0, np.flatnonzero(np.diff(target) != 0) + 1, len(target)]
+    z, log_keep = 0.0, np.log(np.maximum(keep, 1e-300))
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        fade = np.exp(np.cumsum(log_keep[start:stop]))
+        out[start:stop] = target[start] + (z - target[start]) * fade
+        z = out[stop - 1]
+    return out

@@ -1,0 +1,122 @@
+"""Effects of the speed of a joint: offset, asymmetries, Stribeck, quadratic drag."""
+
+import numpy as np
+
+from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+
+
+class TorqueOffset(Effect):
+    """A constant torque that the motor must supply."""
+
+    name = "torque_offset"
+    title = "constant torque offset"
+    equation = "tau += offset"
+    source = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems 27(5)"
+    aliases = (
+        Alias("coulomb_asymmetry", "nothing in motion data: hold the arm still and creep in both directions, or turn it over"),
+        Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
+        Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
+    )
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: np.ones((len(scene.motion.time), 1))}
+
+    def labels(self, joints, theta):
+        return (per_joint("torque_offset", joints),)
+
+
+class CoulombAsymmetry(Effect):
+    """A Coulomb level that depends on the direction of motion."""
+
+    name = "coulomb_asymmetry"
+    title = "Coulomb friction that depends on the direction"
+    equation = "tau += a s(dq)^2"
+    source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
+    aliases = (
+        Alias("torque_offset", "nothing in motion data: hold the arm still and creep in both directions, or turn it over"),
+        Alias("viscous_asymmetry", "both directions at clearly different speeds"),
+    )
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: scene.sign[:, joints] ** 2}
+
+    def labels(self, joints, theta):
+        return (per_joint("coulomb_asymmetry", joints),)
+
+    def unphysical(self, estimate: Estimate) -> str:
+        level = estimate.scene.coulomb[estimate.joints[0]]
+        if abs(estimate.beta[0]) - 2 * estimate.std[0] > max(level, 0):
+            return "the asymmetry is larger than the Coulomb level itself: one direction would be driven by friction"
+        return ""
+
+
+class ViscousAsymmetry(Effect):
+    """A viscosity that depends on the direction of motion."""
+
+    name = "viscous_asymmetry"
+    title = "viscous friction that depends on the direction"
+    equation = "tau += a |dq|"
+    source = "Janot, Gautier, Brunot 2019, EMPS reference models"
+    unit = "N.m.s/rad"
+    aliases = (Alias("torque_offset", "both directions at clearly different speeds"),)
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: np.abs(scene.motion.dq[:, joints])}
+
+    def labels(self, joints, theta):
+        return (per_joint("viscous_asymmetry", joints),)
+
+
+class Stribeck(Effect):
+    """More friction at low speed than at high speed."""
+
+    name = "stribeck"
+    title = "Stribeck friction"
+    equation = "tau += a exp(-(|dq| / v)^d) s(dq), a > 0"
+    source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), Eq. 8"
+    aliases = (
+        Alias("hysteresis", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
+        Alias("quadratic_drag", "speeds above 3 rad/s"),
+    )
+
+    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+        low, high = scene.speed_range(joints[0])
+        speeds = np.geomspace(max(1.5 * low, 0.02 * high), 0.7 * high, 9)
+        return tuple((float(v), d) for v in speeds for d in (2.0, 1.0))
+
+    def columns(self, scene, joints, theta):
+        speed, exponent = theta
+        ratio = np.abs(scene.motion.dq[:, joints]) / speed
+        return {joints[0]: np.exp(-(ratio**exponent)) * scene.sign[:, joints]}
+
+    def labels(self, joints, theta):
+        return (per_joint("stribeck", joints),)
+
+    def theta_labels(self, joints):
+        return (per_joint("stribeck_velocity", joints),)
+
+    def unphysical(self, estimate: Estimate) -> str:
+        if estimate.beta[0] < 0:
+            return "negative amplitude: friction falls towards zero speed, which is presliding or a soft sign, not Stribeck"
+        return ""
+
+
+class QuadraticDrag(Effect):
+    """Drag that grows with the square of the speed."""
+
+    name = "quadratic_drag"
+    title = "quadratic drag"
+    equation = "tau += c dq |dq|, c > 0"
+    source = "aerodynamic or churning loss"
+    unit = "N.m.s2/rad2"
+    aliases = (Alias("stribeck", "speeds above 3 rad/s"),)
+
+    def columns(self, scene, joints, theta):
+        dq = scene.motion.dq[:, joints]
+        return {joints[0]: dq * np.abs(dq)}
+
+    def labels(self, joints, theta):
+        return (per_joint("quadratic_drag", joints),)
+
+    def unphysical(self, estimate: Estimate) -> str:
+        return "negative drag feeds energy in" if estimate.beta[0] < 0 else ""

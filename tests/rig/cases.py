@@ -1,0 +1,125 @@
+"""Cases: an effect of the library at a size, on a joint, as the fields of a rig's plant. Sizes 1, 2, 4 double each other."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tests.rig.plant import ALGEBRAIC, SEGMENT, SIGN, TANH, Plant
+
+COULOMB = np.array((25e-3, 9e-3, 9e-3))
+VISCOUS = np.array((2.0e-3, 1.5e-3, 1.0e-3))
+SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+@dataclass
+class Case:
+    """A plant with what is hidden in it: effect name -> joints (empty: complete)."""
+
+    label: str
+    plant: Plant
+    truth: dict = field(default_factory=dict)
+    size: float = 0.0
+    declared: bool = False
+
+
+def only(joint, value):
+    """(3,) zero but for one joint (1-based)."""
+    out = np.zeros(3)
+    out[joint - 1] = value
+    return out
+
+
+def pair(i, j, value):
+    """(9,) zero but for the torque on joint i from joint j (1-based)."""
+    out = np.zeros(9)
+    out[3 * (i - 1) + j - 1] = value
+    return out
+
+
+def _fc(j):
+    return COULOMB[j - 1]
+
+
+# name -> (joint, size) -> fields of Plant. Size 1 is meant to be near what a good tool can still see.
+EFFECTS = {
+    "stribeck": lambda j, a: dict(stribeck=only(j, 0.15 * a * _fc(j)), stribeck_velocity=np.full(3, 0.25)),
+    "coulomb_asymmetry": lambda j, a: dict(coulomb_up=only(j, 0.04 * a * _fc(j)), coulomb_down=only(j, -0.04 * a * _fc(j))),
+    "viscous_asymmetry": lambda j, a: dict(viscous_up=only(j, 0.5e-3 * a), viscous_down=only(j, -0.1e-3 * a)),
+    "torque_offset": lambda j, a: dict(offset=only(j, 0.04 * a * _fc(j))),
+    "load_friction": lambda j, a: dict(load=only(j, 0.05 * a)),
+    "position_friction": lambda j, a: dict(friction_wave=only(j, 0.15 * a)),
+    "position_torque": lambda j, a: dict(spring=only(j, 2e-3 * a), spring_cubic=only(j, 1e-3 * a)),
+    "torque_ripple": lambda j, a: dict(ripple=only(j, 0.5e-3 * a), ripple_order=np.full(3, 26.0)),
+    "hysteresis": lambda j, a: dict(presliding=only(j, 0.2 * a * _fc(j)), presliding_length=np.full(3, 0.03)),
+    "quadratic_drag": lambda j, a: dict(drag=only(j, 0.6e-3 * a)),
+    "actuator_lag": lambda j, a: dict(lag=only(j, 3e-3 * a)),
+    "time_delay": lambda j, a: dict(delay=only(j, 3e-3 * a)),
+    "torque_gain": lambda j, a: dict(gain=only(j, -0.05 * a)),
+    "torque_saturation": lambda j, a: dict(limit=np.where(only(j, 1) > 0, {1: 0.075, 2: 0.032, 3: 0.036}[j] / a**0.2, 1e9)),
+    "torque_deadband": lambda j, a: dict(deadband=only(j, 0.1 * a * _fc(j))),
+    "joint_elasticity": lambda j, a: dict(compliance=only(j, {1: 0.2, 2: 0.3, 3: 0.3}[j] * a)),
+    "backlash": lambda j, a: dict(compliance=only(j, 0.02), gap=only(j, 0.01 * a)),
+    "payload": lambda j, a: dict(payload=0.004 * a),
+    "base_tilt": lambda j, a: dict(tilt=np.array((0.02, 0.015)) * a),
+    "encoder_offset": lambda j, a: dict(encoder_offset=only(j, 0.03 * a)),
+    "friction_drift": lambda j, a: dict(warm_up=only(j, 0.1 * a)),
+    "external_contact": lambda j, a: dict(wall_stiffness=5.0 * a, wall_damping=0.05, wall_distance=0.03),
+    "joint_coupling": lambda j, a: dict(couple_viscous=pair(j, j % 3 + 1, 0.5e-3 * a), couple_coulomb=pair(j, j % 3 + 1, 0.04 * a * _fc(j))),
+}
+OUTSIDE = {
+    "hum": (lambda j, a: dict(hum=only(j, 1e-3 * a)), {"time"}),
+    "drag_at_angle": (lambda j, a: dict(drag_at_angle=only(j, 4e-3 * a)), {"q", "dq"}),
+    "cross": (lambda j, a: dict(cross=only(j, 1e-3 * a)), {"dq1", "dq2"}),
+    "touch": (lambda j, a: dict(touch=only(j, 2e-3 * a)), {"time"}),
+    "wander": (lambda j, a: dict(wander=only(j, 1e-3 * a)), {"time"}),
+    "eddy": (lambda j, a: dict(eddy=only(j, 10e-3 * a), eddy_velocity=np.full(3, 0.5)), {"dq"}),
+}
+ARM_WIDE = ("payload", "base_tilt", "external_contact")
+DECLARED = ("payload", "torque_gain")
+JOINTS = {"encoder_offset": (2, 3), "joint_elasticity": (2, 3), "backlash": (1, 2, 3)}
+UNIDENTIFIABLE = ("payload", "torque_gain")  # unless the parameters are declared
+
+
+def base(seed):
+    """A complete arm with friction of its own: laws, widths and levels vary with the seed."""
+    random = np.random.default_rng(seed)
+    law = (TANH, ALGEBRAIC, SIGN, TANH)[seed % 4]
+    width = (0.01, 0.02, 0.01, 0.05)[(seed // 4) % 4]
+    pi = SEGMENT * random.uniform(0.9, 1.1, 8)
+    coulomb = COULOMB * random.uniform(0.8, 1.2, 3)
+    return Plant(pi=pi, law=law, width=width, coulomb=coulomb, viscous=VISCOUS * random.uniform(0.5, 1.5, 3))
+
+
+def complete(seed):
+    """Nothing hidden."""
+    return Case("complete", base(seed))
+
+
+def hidden(name, size, seed):
+    """One effect of the library; the joint goes round with the seed."""
+    joints = JOINTS.get(name, (1, 2, 3))
+    joint = joints[seed % len(joints)]
+    truth = {name: {1, 2, 3} if name in ARM_WIDE else {joint}}
+    plant = replace(base(seed), **EFFECTS[name](joint, size))
+    return Case(name, plant, truth, size, declared=name in DECLARED)
+
+
+def two(first, second, size, seed):
+    """Two effects of the library on joints of their own or the same one, by the seed."""
+    one = hidden(first, size, seed)
+    joints = JOINTS.get(second, (1, 2, 3))
+    joint = joints[(seed // 3) % len(joints)]
+    plant = replace(one.plant, **{k: _sum(getattr(one.plant, k), v, k) for k, v in EFFECTS[second](joint, size).items()})
+    truth = {**one.truth, second: {1, 2, 3} if second in ARM_WIDE else {joint}}
+    return Case(f"{first}+{second}", plant, truth, size)
+
+
+def _sum(old, new, key):
+    return np.minimum(old, new) if key == "limit" else new
+
+
+def outside(name, size, seed):
+    """An effect that no library has."""
+    make, _ = OUTSIDE[name]
+    joint = seed % 3 + 1
+    return Case(name, replace(base(seed), **make(joint, size)), {"unknown": {joint}}, size)

@@ -1,0 +1,99 @@
+"""The experiment: sums of sinusoids under a sampled PD controller, quantised encoders, noisy torque, 1 kHz."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tests.rig.plant import Arms, stack
+
+CENTRE = np.array((0.0, 0.25, 0.35))
+REACH = np.array((0.75, 0.45, 0.45))
+
+
+@dataclass
+class Experiment:
+    """How one run is excited and recorded. Frequencies [rad/s]; noise [N.m]; resolution [rad]."""
+
+    seed: int = 0
+    lowest: float = 0.11
+    highest: float = 5.0
+    tones: int = 10
+    scale: float = 1.0  # of the amplitudes
+    noise: float = 5e-4
+    resolution: np.ndarray = field(default_factory=lambda: np.array((0.118e-3, 0.140e-3, 0.140e-3)))
+    bandwidth: float = 40.0  # rad/s, of the position loop
+    gravity: bool = True  # feed forward of the weight
+
+
+@dataclass
+class Measured:
+    """time (n,), q, tau, q_ref (n, 3) of one run and whether the arm stayed in reach."""
+
+    time: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray
+    q_ref: np.ndarray
+    good: bool
+
+
+def references(experiments, time):
+    """q_ref (n, 3, S) and its rate: random phases, amplitudes that share the reach, started smoothly from rest."""
+    n, size = len(time), len(experiments)
+    ref, rate = np.zeros((n, 3, size)), np.zeros((n, 3, size))
+    ramp = np.clip(time / 2.0, 0, 1)
+    ramp, slope = ramp**2 * (3 - 2 * ramp), np.where(time < 2.0, 6 * ramp * (1 - ramp) / 2.0, 0.0)
+    for s, e in enumerate(experiments):
+        random = np.random.default_rng(1000 + e.seed)
+        for j in range(3):
+            w = np.linspace(e.lowest, e.highest, e.tones) * random.uniform(0.9, 1.1, e.tones)
+            amplitude = random.uniform(0.5, 1.0, e.tones)
+            phase = random.uniform(0, 2 * np.pi, e.tones)
+            wave = np.sin(np.outer(time, w) + phase) @ amplitude
+            factor = e.scale * REACH[j] / np.abs(wave).max()
+            dwave = np.cos(np.outer(time, w) + phase) @ (amplitude * w)
+            ref[:, j, s] = CENTRE[j] + factor * wave * ramp
+            rate[:, j, s] = factor * (dwave * ramp + wave * slope)
+    return ref, rate
+
+
+def record(plants, experiments, duration=60.0, substeps=4):
+    """Measured runs, one for each plant and experiment, integrated as one batch."""
+    b = stack(plants)
+    n = int(round(duration * 1000)) + 1
+    time = np.arange(n) / 1000
+    ref, rate = references(experiments, time)
+    random = np.random.default_rng(sum(e.seed for e in experiments) + 17)
+    resolution = np.stack([e.resolution for e in experiments], axis=-1)
+    bandwidth = np.array([e.bandwidth for e in experiments])
+    weight = np.array([float(e.gravity) for e in experiments])
+    inertia = np.array((3.2e-3, 2.6e-3, 1.2e-3))[:, None]
+    kp, kd = inertia * bandwidth**2, inertia * 1.6 * bandwidth
+    arms = Arms(b, ref[0], 1e-3 / substeps)
+    q_out, tau_out = np.zeros((n, 3, b.size)), np.zeros((n, 3, b.size))
+    seen_before, rate_seen = None, np.zeros_like(ref[0])
+    fade = np.exp(-1e-3 * 2 * np.pi * 60)
+    walk = np.zeros_like(ref[0])
+    for k in range(n):
+        angle = arms.angle + b.encoder_offset
+        seen = np.where(resolution > 0, np.round(angle / np.where(resolution > 0, resolution, 1)) * resolution, angle)
+        if seen_before is not None:
+            rate_seen = fade * rate_seen + (1 - fade) * (seen - seen_before) * 1000
+        seen_before = seen
+        feed = np.stack((0 * seen[0], b.pi[6] * np.cos(seen[1]), b.pi[7] * np.sin(seen[2]))) * weight
+        command = kp * (ref[k] - seen) + kd * (rate[k] - rate_seen) + feed
+        q_out[k], tau_out[k] = seen, command
+        if b.active["wander"]:
+            walk = walk * (1 - 1e-3 * 2 * np.pi * 0.05) + random.standard_normal(walk.shape) * np.sqrt(2e-3 * 2 * np.pi * 0.05)
+        with np.errstate(all="ignore"):
+            for _ in range(substeps):
+                arms.step(command, b.wander * walk)
+    noise = np.array([e.noise for e in experiments])
+    tau_out += noise * random.standard_normal(tau_out.shape)
+    good = np.isfinite(q_out).all(axis=(0, 1)) & (np.abs(q_out).max(axis=(0, 1)) < 3)
+    return [Measured(time, q_out[:, :, s].copy(), tau_out[:, :, s].copy(), ref[:, :, s].copy(), bool(good[s])) for s in range(b.size)]
+
+
+def write_csv(run, path):
+    """The run as time, q1..q3, tau1..tau3."""
+    np.savetxt(path, np.column_stack((run.time, run.q, run.tau)), delimiter=",", header="time,q1,q2,q3,tau1,tau2,tau3",
+               comments="", fmt="%.9g")

@@ -1,12 +1,15 @@
 """Growth rate of a small difference between two runs, with an interval: what stability means in a simulation.
 
 The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are. Two estimators
-of its exponential rate are made and the one with the narrower interval is kept:
+of its exponential rate are made:
 
 * modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of overlapping windows,
   the least damped of those that carry the difference; the interval is the spread over windows.
 * envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation, which makes the
   envelope of one mode free of ripple; the interval is the spread over blocks.
+
+The envelope's is kept unless the modes' interval is at least five times narrower, which says that the modes explain the difference: picking the
+narrower of two comparable intervals would make intervals too narrow.
 """
 
 import numpy as np
@@ -64,11 +67,16 @@ def growth(time: np.ndarray, difference: np.ndarray) -> Growth | None:
     level = difference * np.exp(-slope * (time - time[0]))[:, None]
     modes = _modes_growth(time, level)
     frequency = modes.frequency if modes else 0.0
-    candidates = [g for g in (modes, _envelope_growth(time, level, frequency)) if g is not None]
-    if not candidates:
+    best = _preferred(modes, _envelope_growth(time, level, frequency))
+    if best is None:
         return None
-    best = min(candidates, key=lambda g: g.half_width)
     return Growth(best.rate + slope, best.low + slope, best.high + slope, best.frequency, best.window, best.estimator)
+
+
+def _preferred(modes: Growth | None, envelope: Growth | None) -> Growth | None:
+    if modes is None or envelope is None:
+        return modes or envelope
+    return modes if modes.half_width < 0.2 * envelope.half_width else envelope
 
 
 def _rough_slope(time: np.ndarray, difference: np.ndarray) -> float:
@@ -87,10 +95,11 @@ def _interval(values: np.ndarray, weights: np.ndarray | None = None) -> tuple[fl
 
 
 def _modes_growth(time: np.ndarray, level: np.ndarray) -> Growth | None:
-    """Least damped mode over four overlapping windows of the later part; the better of two beginnings."""
-    found = [_modes_from(time, level, begin) for begin in (0.0, 0.4)]
-    found = [g for g in found if g is not None]
-    return min(found, key=lambda g: g.half_width) if found else None
+    """Least damped mode over four overlapping windows; of the later part where its interval is three times narrower."""
+    whole, later = (_modes_from(time, level, begin) for begin in (0.0, 0.4))
+    if whole is None or later is None:
+        return whole or later
+    return later if 3.0 * later.half_width < whole.half_width else whole
 
 
 def _modes_from(time: np.ndarray, level: np.ndarray, begin: float) -> Growth | None:
@@ -161,7 +170,7 @@ def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
 
 
 def _envelope_growth(time: np.ndarray, level: np.ndarray, frequency: float) -> Growth | None:
-    """Slope of the log of the period-averaged norm; the beginning is chosen so that the interval is narrowest."""
+    """Slope of the log of the period-averaged norm, from the earliest beginning after which its blocks show no trend."""
     step = (time[-1] - time[0]) / (len(time) - 1)
     period = int(round(2.0 * np.pi / frequency / step)) if frequency > 0 else len(time) // 10
     if not 2 <= period <= len(time) // 4:
@@ -173,18 +182,29 @@ def _envelope_growth(time: np.ndarray, level: np.ndarray, frequency: float) -> G
     moments, log_norm = time[:len(mean)] + 0.5 * (period - 1) * step, 0.5 * np.log(mean)
     stride = max(1, len(mean) // 2000)
     moments, log_norm = moments[::stride], log_norm[::stride]
-    found = [_slope(moments, log_norm, begin, frequency) for begin in (0.0, 0.1, 0.25, 0.4, 0.55)]
-    return min(found, key=lambda g: g.half_width)
+    for begin in (0.0, 0.2, 0.4, 0.6):
+        found, trend = _slope(moments, log_norm, begin, frequency)
+        if trend <= found.half_width:
+            break
+    return Growth(found.rate, found.low - trend, found.high + trend, *_rest(found)) if trend > found.half_width else found
 
 
-def _slope(moments: np.ndarray, log_norm: np.ndarray, begin: float, frequency: float, blocks: int = 6) -> Growth:
+def _rest(found: Growth) -> tuple[float, tuple[float, float], str]:
+    return found.frequency, found.window, found.estimator
+
+
+def _slope(moments: np.ndarray, log_norm: np.ndarray, begin: float, frequency: float,
+           blocks: int = 6) -> tuple[Growth, float]:
+    """Least-squares slope with the interval from the scatter of block slopes, and the trend of these slopes [1/s].
+
+    A trend (other modes still dying out) is not scatter. A least-squares slope of a random walk has 6/5 the variance of the mean of the
+    block slopes, hence the factor 1.1.
+    """
     first = int(begin * len(moments))
     t, y = moments[first:], log_norm[first:]
     rate = float(np.polyfit(t, y, 1)[0])
     edges = np.linspace(0, len(t) - 1, blocks + 1).astype(int)
     parts = np.diff(y[edges]) / np.diff(t[edges])
-    _, half = _interval(parts)
-    # A trend of the slopes (other modes still dying out) is not scatter: it stands in the interval whole.
-    trend = abs(np.mean(parts[blocks // 2:]) - np.mean(parts[:blocks // 2]))
-    half = max(half, trend, 1e-9)
-    return Growth(rate, rate - half, rate + half, frequency, (float(t[0]), float(t[-1])), "envelope")
+    half = max(1.1 * _interval(parts)[1], 1e-9)
+    trend = float(abs(np.mean(parts[blocks // 2:]) - np.mean(parts[:blocks // 2])))
+    return Growth(rate, rate - half, rate + half, frequency, (float(t[0]), float(t[-1])), "envelope"), trend

@@ -14,7 +14,7 @@ from build_fmus.description import describe
 from build_fmus.documentation import index_html
 from build_fmus.errors import BuildError
 from build_fmus.header import header
-from build_fmus.sources import licence, model_files, models, source_root
+from build_fmus.sources import GENERATED, licence, model_files, models, readme_of, source_root
 from build_fmus.table import Table, load_table, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
 
@@ -89,9 +89,9 @@ def _keep(path: Path, data: bytes) -> None:
 
 def _source_files(job: Job) -> dict[str, bytes]:
     """Every file of the sources folder, the generated table included."""
-    files = model_files(job.model, job.fmi) | job.extra
+    files = model_files(job.model, job.fmi, job.extra)
     token = token_of(job, files)
-    return files | {"model_table.h": header(job.table, token).encode()}
+    return files | {GENERATED: header(job.table, token).encode()}
 
 
 def token_of(job: Job, files: Mapping[str, bytes]) -> str:
@@ -101,7 +101,7 @@ def token_of(job: Job, files: Mapping[str, bytes]) -> str:
 
 def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
     flags = [" ".join(compiler.flags(PLATFORMS[p])) for p in job.platforms]
-    readme = (source_root() / job.model / "README.md").read_bytes()
+    readme = readme_of(job.model)
     parts = [x for name in sorted(sources) for x in (name, sources[name])]
     return key_of(str(job.fmi), str(job.level), compiler.identity, *flags, builder_code(), readme, licence(),
                   repr(job.table), *parts)[:24]
@@ -129,11 +129,10 @@ def _library(job: Job, name: str, work: Path, compiler: Compiler, folder: Path) 
 
 def _packed(job: Job, sources: dict[str, bytes]) -> dict[str, bytes]:
     """Everything in the FMU but the libraries."""
-    token = token_of(job, {n: d for n, d in sources.items() if n != "model_table.h"})
-    readme = (source_root() / job.model / "README.md").read_text(encoding="utf-8")
+    token = token_of(job, {n: d for n, d in sources.items() if n != GENERATED})
     files = {
         "modelDescription.xml": describe(job.table, job.fmi, token).encode(),
-        "documentation/index.html": index_html(job.table, readme).encode(),
+        "documentation/index.html": index_html(job.table, readme_of(job.model)).encode(),
         "documentation/licenses/license.txt": licence(),
     }
     files |= {f"sources/{name}": data for name, data in sources.items()}

@@ -10,7 +10,7 @@ import typer
 
 from build_fmus.errors import BuildError
 
-app = typer.Typer(add_completion=False)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()

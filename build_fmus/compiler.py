@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from attrs import frozen
@@ -89,11 +90,12 @@ def _from_environment(value: str) -> Compiler:
     return Compiler(command, f"{value} {hashlib.sha256(version.encode()).hexdigest()}", cross=cross)
 
 
-def compile_library(compiler: Compiler, chosen: Platform, sources: Path, main: str, library: Path, cache: Path) -> None:
+def compile_library(compiler: Compiler, chosen: Platform, sources: Path, main: str, library: Path, cache: Path,
+                    extra: Sequence[str] = ()) -> None:
     """Compile the one file `main` of the folder `sources` into a shared library. Raises BuildError with the messages."""
     if not compiler.cross and chosen.name != this_platform():
         raise BuildError(f"CC compiles for this machine only, not for {chosen.name}; unset CC to compile with zig")
-    command = [*compiler.command, *compiler.flags(chosen), "-I.", main, "-o", str(library)]
+    command = [*compiler.command, *compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)]
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache / "zig"), "ZIG_LOCAL_CACHE_DIR": str(cache / "zig-local")}
     try:
         done = subprocess.run(command, cwd=sources, env=environment, capture_output=True, text=True, check=False)

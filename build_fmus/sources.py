@@ -1,14 +1,14 @@
 """The C sources of a model as one flat folder: model, shared glue, FMI headers, generated table."""
 
 import importlib.util
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from build_fmus.errors import BuildError
 
-HEADERS = {
-    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
-    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
-}
+GENERATED = "model_table.h"
+INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"', re.MULTILINE)
 
 
 def source_root() -> Path:
@@ -24,18 +24,43 @@ def models() -> list[str]:
     return sorted(path.parent.name for path in source_root().glob("*/model.toml"))
 
 
-def model_files(model: str, fmi: int) -> dict[str, bytes]:
-    """{file name: contents} of what a model compiles from, less the generated table."""
+def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
+    """{file name: contents} of what a model compiles from: fmi2.c or fmi3.c and all that it includes, in one flat folder.
+
+    `extra` stands in for files of the model's folder. The generated table is left out. Raises BuildError for an include that is not found
+    or two files of one name.
+    """
     root = source_root()
-    other = f"fmi{5 - fmi}.c"
-    paths = [p for p in sorted((root / "shared").iterdir()) if p.suffix in (".c", ".h") and p.name != other]
-    paths += [p for p in sorted((root / model).iterdir()) if p.suffix in (".c", ".h")]
-    paths += [_headers() / name for name in HEADERS[fmi]]
-    names = [p.name for p in paths]
-    twice = sorted({n for n in names if names.count(n) > 1})
-    if twice:
-        raise BuildError(f"{model}: two source files share a name: {', '.join(twice)}")
-    return {p.name: p.read_bytes() for p in paths}
+    folders = [root / model, root / "shared", _headers()]
+    found: dict[str, Path] = {}
+    files: dict[str, bytes] = {}
+    waiting = [(root / "shared", f"fmi{fmi}.c")]
+    while waiting:
+        folder, wanted = waiting.pop()
+        name = Path(wanted).name
+        if name == GENERATED or (extra and name in extra):
+            continue
+        path = _resolve(wanted, [folder, *folders])
+        if found.setdefault(name, path) != path:
+            raise BuildError(f"{model}: two source files share a name: {found[name]} and {path}")
+        if name not in files:
+            data = path.read_bytes()
+            files[name] = INCLUDE.sub(_flat, data)
+            waiting += [(path.parent, match.decode()) for match in INCLUDE.findall(data)]
+    return files | dict(extra or {})
+
+
+def _resolve(wanted: str, folders: list[Path]) -> Path:
+    for folder in folders:
+        path = (folder / wanted).resolve()
+        if path.is_file():
+            return path
+    raise BuildError(f"{folders[0]}: the included file {wanted} is not there")
+
+
+def _flat(match: re.Match[bytes]) -> bytes:
+    """The same include without folders."""
+    return match[0].replace(match[1], match[1].rsplit(b"/", 1)[-1])
 
 
 def _headers() -> Path:
@@ -44,6 +69,14 @@ def _headers() -> Path:
     if not (folder / "fmi3Functions.h").is_file():
         raise BuildError("the FMI headers are missing: they come with the Python package fmpy (pip install fmpy)")
     return folder
+
+
+def readme_of(model: str) -> str:
+    """README.md of the model: its equations. Raises BuildError where it is missing."""
+    path = source_root() / model / "README.md"
+    if not path.is_file():
+        raise BuildError(f"{path} is missing: the equations of the model belong into its FMU")
+    return path.read_text(encoding="utf-8")
 
 
 def licence() -> bytes:

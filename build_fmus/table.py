@@ -17,7 +17,7 @@ from build_fmus.units import exponents
 Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
 Type = Literal["Real", "Integer", "Boolean", "Enumeration"]
 SETTABLE = ("input", "parameter", "tunable")
-RESERVED = ("step", "text", "time")
+RESERVED = ("origin", "step", "text", "time")
 
 
 @frozen
@@ -76,6 +76,14 @@ class Private:
     @property
     def width(self) -> int:
         return self.size or 1
+
+
+@frozen
+class Include:
+    """Rows of another table file; `size` makes each of them an array."""
+
+    file: str
+    size: int | None = None
 
 
 @frozen
@@ -149,14 +157,17 @@ class Table:
 
 
 def load_table(path: Path) -> Table:
-    """Read and check `model.toml`. Raises BuildError with every problem."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError) as error:
-        raise BuildError(f"{path}: {error}") from error
-    problems = list(_unknown_keys(data))
+    """Read and check `model.toml` with the rows that it includes. Raises BuildError with every problem."""
+    data = _read(path)
+    problems = [f"{path}: {problem}" for problem in _unknown_keys(data)]
+    for include in data.pop("include", []):
+        part = _read(path.parent / include["file"])
+        problems += [f"{include['file']}: {problem}" for problem in _unknown_keys(part)]
+        size = {"size": include["size"]} if "size" in include else {}
+        for key in ("variable", "private"):
+            data.setdefault(key, []).extend({**row, **size} for row in part.get(key, []))
     if problems:
-        raise BuildError(f"{path}: {problem}" for problem in problems)
+        raise BuildError(problems)
     converter = cattrs.Converter()
     converter.register_structure_hook(float | list[float], lambda value, _: value)
     try:
@@ -169,11 +180,18 @@ def load_table(path: Path) -> Table:
     return table
 
 
+def _read(path: Path) -> dict:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise BuildError(f"{path}: {error}") from error
+
+
 def _unknown_keys(data: dict) -> Iterable[str]:
-    yield from _compare(data, Table, "top level")
+    yield from _compare({k: v for k, v in data.items() if k != "include"}, Table, "top level")
     for key, kind in (("model", Head), ("experiment", Experiment)):
         yield from _compare(data.get(key, {}), kind, f"[{key}]")
-    for key, kind in (("variable", Variable), ("private", Private)):
+    for key, kind in (("variable", Variable), ("private", Private), ("include", Include)):
         for row in data.get(key, []):
             yield from _compare(row, kind, f"[[{key}]] {row.get('name', '?')}")
 

@@ -1,6 +1,8 @@
 /* FMI 2.0: the functions of fmi2Functions.h over an instance of the model. The one file to compile. */
 #include "fmi2Functions.h"
 
+#include "variable.h"
+
 #include "model_table.h"
 #include "refuse.h"
 

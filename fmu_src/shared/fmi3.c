@@ -9,6 +9,8 @@
 #pragma GCC diagnostic pop
 #endif
 
+#include "variable.h"
+
 #include "model_table.h"
 #include "refuse.h"
 

@@ -38,6 +38,7 @@ typedef struct {
 typedef struct Instance Instance;
 struct Instance {
     State s;
+    Model scratch; /* the model as it was, while difference quotients are taken */
     int exchange; /* 1: model exchange, 0: co-simulation */
     int logging;  /* 1: events are logged too; warnings and errors always are */
     void *environment;
@@ -155,6 +156,7 @@ static inline Status begin(Instance *c) {
         }
     }
     memset(x + N_VARIABLES, 0, sizeof(Model) - N_VARIABLES * sizeof(double));
+    m->origin = c->s.time;
     const char *refusal = start(m);
     if (refusal) {
         (void)snprintf(c->text, sizeof c->text, "initialisation at t = %.9g s: %s", c->s.time, refusal);

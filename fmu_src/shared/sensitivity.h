@@ -40,16 +40,15 @@ static inline Status evaluate_at(Instance *c, unsigned known, double value, cons
 static inline Status add_column(Instance *c, unsigned known, double seed, const unsigned *unknown, size_t n, double *y) {
     static const double offsets[] = {1.0, -1.0, 2.0, -2.0};
     static const double weights[] = {8.0, -8.0, -1.0, 1.0};
-    double saved[N_VARIABLES];
     double *x = values_of(c);
-    memcpy(saved, x, sizeof saved);
+    c->scratch = c->s.model;
     double v = x[known];
     double scale = v < 0.0 ? -v : v;
     double h = 0x1p-13 * (scale > variables[known].nominal ? scale : variables[known].nominal);
     Status status = OK;
     for (int i = 0; i < 4 && status == OK; i++) {
         status = evaluate_at(c, known, v + offsets[i] * h, unknown, n, y, seed * weights[i] / (12.0 * h));
-        memcpy(x, saved, sizeof saved);
+        c->s.model = c->scratch;
     }
     return status;
 }

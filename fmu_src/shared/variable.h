@@ -2,7 +2,11 @@
 #ifndef VARIABLE_H
 #define VARIABLE_H
 
-#include <math.h> /* HUGE_VAL only: no function of libm is called, its bits differ between platforms */
+/* what a model may rely on; of <math.h> only what IEEE 754 rounds exactly (fabs, floor, sqrt), see elementary.h */
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
 
 enum { REAL, INTEGER, BOOLEAN, ENUMERATION };
 enum { INPUT, OUTPUT, PARAMETER, TUNABLE, STATE, LOCAL };

@@ -1,7 +1,7 @@
 /* PHANToM Premium 1.5A. Equations and sources: README.md; rigid body: arm.h; one joint's effects: ../shared/joint.h.
  *
  *   M(q) ddq + C(q, dq) dq + N(q) + friction + required = tau_motor + J' (f + f_contact)
- *   tau_motor = lag(limit(deadband((1 + gain) (tau(t - delay) + J' f_device + N_nominal))))
+ *   tau_motor = lag(limit(deadband((1 + gain) (tau(t - delay) + J' (f_command(t - delay) + f_device) + N_nominal))))
  */
 #include <stddef.h>
 #include <stdio.h>
@@ -26,7 +26,7 @@ static Joint joint_of(const Model *m, int i)
 
 static Ring delayed_ring(Model *m)
 {
-    Ring r = {m->delayed, DELAYED_CAPACITY, 4, (int)m->delayed_head, (int)m->delayed_count};
+    Ring r = {m->delayed, DELAYED_CAPACITY, 7, (int)m->delayed_head, (int)m->delayed_count};
     return r;
 }
 
@@ -63,24 +63,38 @@ static void set_start_state(Model *m)
     m->domain = 1;
 }
 
-/* Commanded torque in the present communication step: the input, or the command of `time_delay` earlier (N m). */
-static double commanded(Model *m, int i)
+/* Command number k (tau1..3, f_command1..3) that joint i follows in the present communication step: the input, or the
+ * command of `time_delay` earlier. */
+static double commanded(Model *m, int k, int i)
 {
-    if (!(m->time_delay[i] > 0) || m->delayed_count == 0) return m->tau[i];
+    const double present = k < 3 ? m->tau[k] : m->f_command[k - 3];
+    if (!(m->time_delay[i] > 0) || m->delayed_count == 0) return present;
     const Ring ring = delayed_ring(m);
-    return joint_delayed_command(&ring, 1 + i, m->tau[i], m->last_time, m->time_delay[i]);
+    return joint_delayed_command(&ring, 1 + k, present, m->last_time, m->time_delay[i]);
+}
+
+/* Torque commanded to motor i: tau + (J' f_command)_i, each as old as the joint's time_delay (N m). */
+static double command_of(Model *m, const ArmPose *p, int i)
+{
+    double torque[3];
+    const double force[3] = {commanded(m, 3, i), commanded(m, 4, i), commanded(m, 5, i)};
+    arm_torque_of_force(p, force, torque);
+    return commanded(m, i, i) + torque[i];
 }
 
 /* What the amplifiers would deliver without lag (N m). */
 static void delivered(Model *m, const ArmPose *p, double torque[3])
 {
     double device[3] = {0, 0, 0}, gravity[3] = {0, 0, 0};
+    arm_torque_of_force(p, m->f_command, device);
+    for (int i = 0; i < 3; i++) torque[i] = m->delays != 0 ? command_of(m, p, i) : m->tau[i] + device[i];
     if (m->impedance != 0) {
         double x[3], dx[3], force[3];
         arm_position(p, x);
         arm_velocity(p, m->dq_link, dx);
         for (int i = 0; i < 3; i++) force[i] = m->stiffness[i] * (m->x_ref[i] - x[i]) - m->damping[i] * dx[i];
         arm_torque_of_force(p, force, device);
+        for (int i = 0; i < 3; i++) torque[i] += device[i];
     }
     if (m->gravity_compensation != 0) {
         arm_gravity(m->pi, p, gravity);
@@ -88,8 +102,6 @@ static void delivered(Model *m, const ArmPose *p, double torque[3])
             for (int i = 0; i < 3; i++) gravity[i] = -gravity[i];
     }
     for (int i = 0; i < 3; i++) {
-        torque[i] = m->plain != 0 ? m->tau[i] : commanded(m, i);
-        if (m->impedance != 0) torque[i] += device[i];
         if (m->gravity_compensation != 0) torque[i] += gravity[i];
         if (m->plain == 0) {
             const Joint j = joint_of(m, i);
@@ -265,6 +277,7 @@ static const char *start(Model *m)
     }
     for (int i = 0; i < 3; i++) m->wall[i] = length > 0 ? m->contact_normal[i] / sqrt(length) : 0;
     m->extras = any(m->coupling_viscous, 6) || any(m->coupling_coulomb, 6) || any(m->coupling_stiffness, 6);
+    m->delays = any(m->time_delay, 3);
     m->impedance = any(m->stiffness, 3) || any(m->damping, 3);
     m->indefinite = m->delayed_head = m->delayed_count = m->last_time = 0;
     const char *problem = check_relations(m);
@@ -282,7 +295,7 @@ static const char *start(Model *m)
 static const char *finish_joints(Model *m, double t)
 {
     const double step = t - m->last_time, longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
-    const double record[4] = {m->last_time, m->tau[0], m->tau[1], m->tau[2]};
+    const double record[7] = {m->last_time, m->tau[0], m->tau[1], m->tau[2], m->f_command[0], m->f_command[1], m->f_command[2]};
     char *text = (char *)m->message;
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);

@@ -20,7 +20,7 @@ GREY = "#8a8f98"
 
 _STYLE = {
     "font.family": ["DejaVu Sans", "sans-serif"], "font.size": 9.0,
-    "axes.titlesize": 9.5, "axes.titleweight": "semibold", "axes.titlelocation": "left", "axes.labelsize": 9.0,
+    "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.labelsize": 9.0,
     "axes.edgecolor": "#b8bcc4", "axes.linewidth": 0.8, "axes.labelcolor": "#333840", "text.color": "#22262c",
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "axes.prop_cycle": matplotlib.cycler(color=COLOURS), "axes.formatter.useoffset": False,
@@ -54,7 +54,7 @@ def _tidy(fig: MplFigure) -> None:
         title = axes.get_title("center")
         if title:
             axes.set_title("", loc="center")
-            axes.set_title(title, loc="left", fontsize=9.5, fontweight="semibold")
+            axes.set_title(title, loc="left", fontsize=9.5, fontweight="bold")
         if axes.get_legend() is not None:
             axes.get_legend().set_frame_on(False)
 

@@ -116,11 +116,15 @@ def derivative(signal: np.ndarray, step: float) -> np.ndarray:
 
 @frozen(eq=False)
 class Motion:
-    """A run with its velocity: time (n,), q, dq, tau (n, nj) in SI, `velocity` says how dq was made."""
+    """A run with its velocity: time (n,), q, dq, tau (n, nj) in SI; `velocity` says how dq was made.
+
+    tau went through the same filter as q.
+    """
 
     run: Run
     q: np.ndarray
     dq: np.ndarray
+    tau: np.ndarray
     velocity: str = field(default="")
 
     @property
@@ -128,24 +132,21 @@ class Motion:
         return self.run.time
 
     @property
-    def tau(self) -> np.ndarray:
-        return self.run.tau
-
-    @property
     def step(self) -> float:
         return self.run.step
 
 
 def differentiated(run: Run, cutoff: float) -> Motion:
-    """q low-passed with zero phase at `cutoff` [Hz] and differentiated; a recorded dq is not used."""
-    q = ZeroPhase(cutoff).low(run.q, run.step)
-    how = f"q low-passed at {cutoff:g} Hz (Butterworth 4, zero phase), central differences"
-    return Motion(run, q, derivative(q, run.step), how)
+    """q and tau low-passed with zero phase at `cutoff` [Hz], q differentiated; a recorded dq is not used."""
+    low_pass = ZeroPhase(cutoff)
+    q = low_pass.low(run.q, run.step)
+    how = f"q and tau low-passed at {cutoff:.3g} Hz (Butterworth 4, zero phase), central differences"
+    return Motion(run, q, derivative(q, run.step), low_pass.low(run.tau, run.step), how)
 
 
 def as_recorded(run: Run) -> Motion:
     """The recorded dq as it stands: where regressor columns were made with it, another one would not fit them."""
-    return Motion(run, run.q, run.dq, "as recorded")
+    return Motion(run, run.q, run.dq, run.tau, "as recorded")
 
 
 def motion(recording: Recording, run: Run, cutoff: float) -> Motion:
@@ -153,6 +154,17 @@ def motion(recording: Recording, run: Run, cutoff: float) -> Motion:
     if recording.device == "regressor" and run.dq is not None:
         return as_recorded(run)
     return differentiated(run, cutoff)
+
+
+def bandwidth(recording: Recording) -> float:
+    """Frequency [Hz] below which 95 % of the power of dq lies: the fastest joint, the middle one of the runs."""
+    found = []
+    for run in recording.runs:
+        dq = differentiated(run, 0.1 / run.step).dq
+        power = np.abs(np.fft.rfft(dq * np.hanning(len(dq))[:, None], axis=0)) ** 2
+        share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
+        found.append(np.fft.rfftfreq(len(dq), run.step)[(share < 0.95).sum(axis=0).clip(max=len(share) - 1)].max())
+    return float(np.median(found))
 
 
 def near_reversal(dq: np.ndarray, step: float, spread: tuple[int, int], threshold: float) -> np.ndarray:

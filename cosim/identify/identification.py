@@ -1,0 +1,175 @@
+"""One identification: recording in; parameters with honest intervals, errors on held-out rows, and doubts out."""
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.arm.workspace import definiteness
+from cosim.errors import InputError, Problem
+from cosim.identify.estimate import Estimate, estimate
+from cosim.identify.identifiability import Identifiability, identifiability
+from cosim.identify.intervals import Spread, spread
+from cosim.identify.method import KeepAll, Method, suggested, taati
+from cosim.identify.stack import Stack, everything, stack
+from cosim.measured.recording import Recording
+
+TYPICAL = {"d": 1e-3, "g": 0.05, "viscous": 1e-3, "coulomb": 0.01}  # sizes for a PHANToM, from Taati Table 1
+
+
+@frozen
+class Parameter:
+    """value, std and 95 % interval with the residual's correlation counted, std_white as least squares gives it."""
+
+    name: str
+    value: float
+    std: float
+    std_white: float
+    interval: tuple[float, float]
+    unit: str
+
+
+@frozen(eq=False)
+class Identification:
+    """What one method makes of a recording. rms_* hold Eq. 15 per joint, (nj,) [%]."""
+
+    recording: Recording
+    method: Method
+    stack: Stack
+    params: np.ndarray
+    parameters: tuple[Parameter, ...]
+    rms_train: np.ndarray
+    rms_held_out: np.ndarray
+    rms_held_out_all: np.ndarray
+    spread: Spread
+    identifiability: Identifiability
+    positive_definite: bool
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def predicted(self) -> np.ndarray:
+        """Filtered torque (n, nj) of the model."""
+        return self.stack.y @ self.params
+
+    @property
+    def residual(self) -> np.ndarray:
+        """measured - predicted, (n, nj)."""
+        return self.stack.tau - self.predicted
+
+
+def identify(recording: Recording, method: Method | None = None) -> Identification:
+    """Fit the device's linear model. Raises InputError where there is too little to fit."""
+    method = method or suggested(recording)
+    full = stack(recording, method)
+    _enough(full, recording)
+    shown = identifiability(full)
+    base = evolve(full, y=full.y[:, :, shown.base], names=tuple(full.names[k] for k in shown.base))
+    fitted = estimate(base, method, recording.device)
+    widths = spread(base, fitted)
+    params = _spread_out(fitted.params, shown.base, full.y.shape[2])
+    definite, doubts = _physics(recording, full.names, params)
+    found = Identification(
+        recording, method, full, params, _parameters(full, shown, fitted, widths),
+        rms_percent(full, params, full.fit), rms_percent(full, params, full.held_out),
+        rms_percent(full, params, everything(full).held_out), widths, shown, definite,
+    )  # fmt: skip
+    return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *_doubts(found)))
+
+
+def identify_as_paper(recording: Recording) -> Identification:
+    """The paper's estimator on the same recording."""
+    return identify(recording, taati(recording))
+
+
+def rms_percent(full: Stack, params: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Taati Eq. 15 per joint, 100 sqrt(sum r^2 / sum tau^2) over the marked equations (n, nj); NaN without rows."""
+    residual = np.where(rows, full.tau - full.y @ params, 0.0)
+    measured = np.where(rows, full.tau, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return 100 * np.sqrt((residual**2).sum(axis=0) / (measured**2).sum(axis=0))
+
+
+def _enough(full: Stack, recording: Recording) -> None:
+    rows, needed = int(full.fit.sum()), 3 * full.y.shape[2]
+    if rows < needed:
+        got = f"{rows} after filtering and leaving out reversals"
+        raise InputError(Problem(", ".join(recording.files), f"at least {needed} rows to fit {full.y.shape[2]} parameters", got,
+                                 "record longer"))  # fmt: skip
+
+
+def _spread_out(values: np.ndarray, base: tuple[int, ...], size: int) -> np.ndarray:
+    full = np.zeros(size)
+    full[list(base)] = values
+    return full
+
+
+def _parameters(full: Stack, shown: Identifiability, fitted: Estimate, widths: Spread) -> tuple[Parameter, ...]:
+    """All parameters in order; one outside the base is zero without an interval (its effect is in the base ones)."""
+    table = []
+    for k, (name, unit) in enumerate(zip(full.names, full.units, strict=True)):
+        if k not in shown.base:
+            table.append(Parameter(name, 0.0, np.nan, np.nan, (np.nan, np.nan), unit))
+            continue
+        b = shown.base.index(k)
+        value, half = float(fitted.params[b]), float(widths.half_width[b])
+        interval = (value - half, value + half)
+        table.append(Parameter(name, value, float(widths.std[b]), float(widths.std_white[b]), interval, unit))
+    return tuple(table)
+
+
+def _physics(recording: Recording, names: tuple[str, ...], params: np.ndarray) -> tuple[bool, list[str]]:
+    """M > 0 over the workspace (axis: inertia > 0) and friction that dissipates."""
+    doubts, definite = [], True
+    values = dict(zip(names, params.tolist(), strict=True))
+    if recording.device == "phantom":
+        found = definiteness(params[:8])
+        definite = bool(found.positive)
+        if not definite:
+            doubts.append(f"the mass matrix is not positive definite over the workspace (smallest eigenvalue "
+                          f"{found.smallest_eigenvalue:.2e} kg m^2, {100 * found.negative_share:.2g} % of it): guard simulations, or "
+                          "use --physical")  # fmt: skip
+    elif "inertia" in values:
+        definite = values["inertia"] > 0
+        doubts += [] if definite else ["the inertia is not positive"]
+    for name, value in values.items():
+        if name.startswith("viscous") and value < 0:
+            doubts.append(f"{name} = {value:.3g} is negative: it would feed energy in; a Stribeck effect that the model lacks, or "
+                          "the sign of dq at reversals, makes least squares give this (see close-loop)")  # fmt: skip
+        if name.startswith("coulomb") and value < 0:
+            doubts.append(f"{name} = {value:.3g} is negative: not friction; a lag between tau and q can do this")
+    return definite, doubts
+
+
+def _doubts(found: Identification) -> list[str]:
+    """Parameters that the data do not determine, rows that leave the trained speeds, few independent samples."""
+    doubts = list(found.identifiability.combinations)
+    wide = unexcited(found)[len(found.identifiability.unexcited) :]
+    if wide:
+        doubts.append(f"not determined by this motion (interval wider than the parameter's usual size): {', '.join(wide)}")
+    if found.spread.blocks < 12:
+        doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
+    return doubts + _outside(found.stack)
+
+
+def _outside(full: Stack) -> list[str]:
+    train, test = full.settled & ~full.test, full.settled & full.test
+    if not train.any() or not test.any():
+        return []
+    limit = 1.02 * np.abs(full.dq[train]).max(axis=0)
+    count = int((np.abs(full.dq[test]) > limit).any(axis=1).sum())
+    return [f"{count} of {int(test.sum())} held-out rows are faster than any training row"] if count else []
+
+
+def unexcited(found: Identification) -> tuple[str, ...]:
+    """Names that the motion did not excite: dependent columns, and PHANToM parameters wider than their usual size."""
+    names = list(found.identifiability.unexcited)
+    if found.recording.device == "phantom":
+        for parameter in found.parameters:
+            family = parameter.name.split("[")[0].rstrip("12345678")
+            wide = (parameter.interval[1] - parameter.interval[0]) / 2 > TYPICAL[family] * 1.0
+            if wide and parameter.name not in names:
+                names.append(parameter.name)
+    return tuple(names)
+
+
+def on_all_rows(method: Method) -> Method:
+    """The same method with no rows left out."""
+    return evolve(method, name=f"{method.name}, all rows", reversals=KeepAll())

@@ -1,0 +1,95 @@
+"""The rows of all runs on one pile: filtered, decimated, with marks for what is fitted and what is held out."""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.identify import regressor
+from cosim.identify.method import Method
+from cosim.measured.filtering import Motion, motion
+from cosim.measured.recording import Recording, Run
+
+
+@frozen(eq=False)
+class Stack:
+    """Linear model of a recording: y (n, nj, p), tau (n, nj); n counts time stamps of all runs.
+
+    keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; test (n,): held out;
+    run (n,): number of the run; time (n,) [s]; q, dq (n, nj) as filtered; step [s] between rows.
+    """
+
+    y: np.ndarray
+    tau: np.ndarray
+    keep: np.ndarray
+    settled: np.ndarray
+    test: np.ndarray
+    run: np.ndarray
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    step: float
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def fit(self) -> np.ndarray:
+        """Equations to fit on, (n, nj)."""
+        return self.keep & ~self.test[:, None]
+
+    @property
+    def held_out(self) -> np.ndarray:
+        """Equations to judge on, (n, nj), with the same treatment of reversals."""
+        return self.keep & self.test[:, None]
+
+    def equations(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """y (m, p), tau (m,), joint (m,), time-stamp number (m,) of the marked equations (n, nj)."""
+        stamp, joint = np.nonzero(rows)
+        return self.y[rows], self.tau[rows], joint, stamp
+
+
+def stack(recording: Recording, method: Method) -> Stack:
+    """All runs through the method's filters."""
+    motions = [_motion(recording, run, method) for run in recording.runs]
+    speed = np.sqrt(np.concatenate([m.dq**2 for m in motions]).mean(axis=0))
+    pieces = [_piece(recording, m, method, speed, number) for number, m in enumerate(motions)]
+    columns = ("y", "tau", "keep", "settled", "test", "run", "time", "q", "dq")
+    joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in columns}
+    first = pieces[0]
+    return _with_rows(Stack(**joined, step=first.step, names=first.names, units=first.units), recording.joints)
+
+
+def _motion(recording: Recording, run: Run, method: Method) -> Motion:
+    found = motion(recording, run, method.velocity_cutoff)
+    return found if method.both_sides else evolve(found, tau=run.tau)
+
+
+def _piece(recording: Recording, moved: Motion, method: Method, speed: np.ndarray, number: int) -> Stack:
+    model = regressor.columns(recording, moved, method.low_pass, method.reversals.smoothing)
+    head, tail = method.low_pass.settle(moved.step)
+    n = len(moved.time)
+    head, tail = min(head, n // 8), min(tail, n // 8)
+    settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
+    keep = method.reversals.keep(moved, method.low_pass, speed) & settled[:, None]
+    pick = slice(None, None, method.low_pass.decimation(moved.step))
+    return Stack(
+        y=model.y[pick], tau=model.tau[pick], keep=keep[pick], settled=settled[pick], test=moved.run.test[pick],
+        run=np.full(len(model.tau[pick]), number), time=moved.time[pick], q=moved.q[pick], dq=moved.dq[pick],
+        step=moved.step * (pick.step or 1), names=model.names, units=model.units,
+    )  # fmt: skip
+
+
+def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
+    """Where leaving out reversals leaves less than a twentieth of the rows of a joint, its rows are all kept, and told."""
+    train, keep, notes = full.settled & ~full.test, full.keep.copy(), []
+    for j, joint in enumerate(joints):
+        if full.fit[:, j].sum() < max(0.05 * train.sum(), 3 * full.y.shape[2]):
+            keep[:, j] = full.settled
+            notes.append(f"{joint}: almost all rows are near a reversal; none left out, Coulomb friction is not reliable")
+    return evolve(full, keep=keep, notes=tuple(notes))
+
+
+def everything(full: Stack) -> Stack:
+    """The same rows with none left out at reversals."""
+    return evolve(full, keep=np.repeat(full.settled[:, None], full.tau.shape[1], axis=1))
+
+

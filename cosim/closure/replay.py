@@ -1,0 +1,266 @@
+"""The recorded experiment again, as a co-simulation: the drive's FMU with and without the effect that was found.
+
+Recording FMUs play the reference and the feed-forward torque, a PDController FMU closes the loop around the drive's FMU:
+
+- closed loop, where a law was found in the run (`cosim.closure.law`): reference q_ref, gains of the law, feed-forward what the
+  law leaves over. Error: torque of the replay minus recorded torque.
+- guided, where there is none: reference the recorded q, feed-forward the recorded torque, a soft PD keeps the drive on the
+  recorded path. Error: the torque that it needs for that.
+
+A sampled torque is held for a step, here as on the device: what a regression on samples calls lag holds half a step that the
+replay already has (`without_hold`).
+"""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.closure.law import Law, find_law, injected
+from cosim.measured.recording import Recording, Run
+from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
+from cosim.signals import Signal
+
+SETTLE = 0.2  # s at the start of every run that are not judged: velocity and presliding state are not recorded
+GUIDE = 2 * np.pi * 4.0  # rad/s, natural frequency of the guiding PD
+BLOCK = 0.5  # s, blocks of the bootstrap
+LAGS = ("actuator_lag", "time_delay")
+
+
+@frozen(eq=False)
+class Replay:
+    """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2).
+
+    position_before, position_after: RMS of q [rad or m].
+    time, tau, tau_before, tau_after (n, nj): the last run judged, for figures.
+    """
+
+    kind: str
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    interval: tuple[tuple[float, float], ...]
+    position_before: tuple[float, ...]
+    position_after: tuple[float, ...]
+    runs: tuple[str, ...]
+    laws: tuple[Law | None, ...] = ()
+    warnings: tuple[str, ...] = ()
+    time: np.ndarray = field(default=None, repr=False)
+    tau: np.ndarray = field(default=None, repr=False)
+    tau_before: np.ndarray = field(default=None, repr=False)
+    tau_after: np.ndarray = field(default=None, repr=False)
+
+
+@frozen(eq=False)
+class _Path:
+    """What is played back to a run's loop: q_ref, feed (n, nj), and the gains kp, kd (nj,), difference, limit (nj,)."""
+
+    run: Run
+    q_ref: np.ndarray
+    feed: np.ndarray
+    kp: tuple[float, ...]
+    kd: tuple[float, ...]
+    samples: int
+    limit: tuple[float, ...]
+    guided: bool
+
+
+def replay(recording: Recording, before: Mapping[str, object], after: Mapping[str, object]) -> Replay | None:
+    """Replay every run that has held-out rows with two sets of start values of the drive's FMU (scalars or lists).
+
+    The model is AxisDrive for device "axis" and PhantomArm for device "phantom"; None for device "regressor".
+    Raises InputError where an FMU has no such parameter, RunError where it fails.
+    """
+    if recording.device == "regressor":
+        return None
+    joints = len(recording.joints)
+    laws = tuple(find_law(recording, joint) for joint in range(joints))
+    known = all(law is not None for law in laws) and len({law.samples for law in laws}) == 1
+    paths = [_recorded_loop(run, laws) if known else _guided(run, before, joints) for run in recording.runs if run.test.any()]
+    runs = [_compared(recording.device, path, before, after) for path in paths]
+    return _summary(runs, laws if known else (), _notes(paths))
+
+
+def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, object]:
+    """Lags and delays of a sampled regression less the half step that a held torque already has; never negative."""
+    changed = dict(parameters)
+    for name in LAGS:
+        if name in changed:
+            value = np.asarray(changed[name], float)
+            less = np.where(value > 0, np.maximum(value - step / 2, 0.0), 0.0)
+            changed[name] = less.tolist() if value.ndim else float(less)
+    return changed
+
+
+def _recorded_loop(run: Run, laws: Sequence[Law]) -> _Path:
+    """The recorded reference through the recorded law; its other terms and what it leaves over are fed forward."""
+    feed = np.stack([_feed(run, law, joint) for joint, law in enumerate(laws)], axis=1)
+    gains = [tuple(getattr(law, name) for law in laws) for name in ("kp", "kd", "limit")]
+    return _Path(run, run.q_ref, feed, gains[0], gains[1], laws[0].samples, gains[2], False)
+
+
+def _feed(run: Run, law: Law, joint: int) -> np.ndarray:
+    q_ref = run.q_ref[:, joint]
+    rest = evolve(law, kp=0.0, kd=0.0).torque(q_ref, q_ref, run.step)
+    return rest + injected(law, run, joint)
+
+
+def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
+    """The recorded position and torque, and gains that give the drive's own inertia the frequency GUIDE, well damped."""
+    inertia = _inertia(parameters, joints)
+    return _Path(run, run.q, run.tau, tuple(GUIDE**2 * inertia), tuple(1.4 * GUIDE * inertia), 2, (0.0,) * joints, True)
+
+
+def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:
+    if joints == 1:
+        return np.array([float(parameters["inertia"])])
+    pi = np.asarray(parameters["pi"], float)
+    return np.abs(np.array([pi[0] + abs(pi[1]) + abs(pi[2]) + abs(pi[3]), pi[4], pi[5]]))
+
+
+@frozen(eq=False)
+class _Compared:
+    path: _Path
+    before: np.ndarray
+    after: np.ndarray
+    q_before: np.ndarray
+    q_after: np.ndarray
+
+
+def _compared(device: str, path: _Path, before: Mapping, after: Mapping) -> _Compared:
+    """Both plants through one run: torque (n, nj) and position (n, nj) of either."""
+    from cosim.fmu import open_system
+    from cosim.master import run as execute
+    from cosim.scenario import with_parameters
+
+    with tempfile.TemporaryDirectory(prefix="cosim-replay-") as folder:
+        scenario = experiment(device, path, before, Path(folder))
+        outcomes = []
+        with open_system(scenario) as system:
+            for values in (before, after):
+                changed = with_parameters(scenario, {f"drive.{key}": value for key, value in values.items()})
+                result = execute(changed, system, record=["controller.tau", "drive.q"])
+                if result.failure is not None:
+                    raise result.failure
+                outcomes.append((_column(result, "controller.tau", path), _column(result, "drive.q", path)))
+    return _Compared(path, outcomes[0][0], outcomes[1][0], outcomes[0][1], outcomes[1][1])
+
+
+def _column(result, name: str, path: _Path) -> np.ndarray:
+    """A recorded signal on the rows of the run; rows that a run did not reach are nan."""
+    values = result.vector(name)[:, : path.q_ref.shape[1]]
+    rows = np.full_like(path.q_ref, np.nan)
+    rows[: len(values)] = values[: len(rows)]
+    return rows
+
+
+def experiment(device: str, path: _Path, parameters: Mapping[str, object], folder: Path) -> Scenario:
+    """The replay as a scenario: reference and feed-forward -> controller -> drive -> controller."""
+    run, joints = path.run, path.q_ref.shape[1]
+    names = [f"{what}{joint + 1}" for what in ("q_ref", "tau_ff") for joint in range(joints)]
+    table = np.column_stack([run.time - run.time[0], path.q_ref, path.feed])
+    file = folder / "recorded.csv"
+    np.savetxt(file, table, delimiter=",", header=",".join(["time", *names]), comments="", fmt="%.17g")
+    parts = {
+        "reference": Component(recording=str(file), columns=tuple(names[:joints]), unit="rad", interpolation=Extrapolation.HOLD),
+        "feed": Component(recording=str(file), columns=tuple(names[joints:]), unit="N.m", interpolation=Extrapolation.HOLD),
+        "drive": Component(model="AxisDrive" if device == "axis" else "PhantomArm", parameters=_starts(path, parameters)),
+        "controller": Component(model="PDController", parameters=_gains(path)),
+    }
+    step = round(run.step * 1e9) / 1e9
+    settings = Experiment(stop=(len(run) - 1) * step, step=step, algorithm=Algorithm.GAUSS_SEIDEL, extrapolation=Extrapolation.HOLD,
+                          order=("reference", "feed", "drive", "controller"))  # fmt: skip
+    return Scenario("replay", settings, parts, _wires(device, joints), folder=folder)
+
+
+def _starts(path: _Path, parameters: Mapping[str, object]) -> dict[str, object]:
+    """The drive's parameters with the recorded start; its velocity is the mean over the first rows."""
+    rows = min(8, len(path.run) - 1)
+    speed = (path.run.q[rows] - path.run.q[0]) / (rows * path.run.step)
+    starts = {"q_start": path.run.q[0].tolist(), "dq_start": speed.tolist()}
+    one = path.q_ref.shape[1] == 1
+    return {**parameters, **{key: value[0] if one else value for key, value in starts.items()}}
+
+
+def _gains(path: _Path) -> dict[str, object]:
+    """Parameters of the PDController, three joints wide; joints that are not there have no gain."""
+    wide = lambda values: [float(v) for v in values] + [0.0] * (3 - len(values))  # noqa: E731
+    return {"kp": wide(path.kp), "kd": wide(path.kd), "torque_limit": wide(path.limit), "difference_samples": path.samples}
+
+
+def _wires(device: str, joints: int) -> tuple[Connection, ...]:
+    wires = []
+    for j in range(1, joints + 1):
+        own = "" if device == "axis" else f"[{j}]"
+        wires += [
+            Connection(Signal("reference", f"y[{j}]"), Signal("controller", f"q_ref[{j}]")),
+            Connection(Signal("feed", f"y[{j}]"), Signal("controller", f"tau_ff[{j}]")),
+            Connection(Signal("drive", f"q{own}"), Signal("controller", f"q[{j}]")),
+            Connection(Signal("controller", f"tau[{j}]"), Signal("drive", f"tau{own}")),
+        ]
+    return tuple(wires)
+
+
+def _summary(compared: Sequence[_Compared], laws: tuple, warnings: tuple[str, ...]) -> Replay:
+    """Errors over the judged rows of all runs."""
+    tau, before, after = (_judged(compared, pick) for pick in (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after))
+    q, q_before, q_after = (_judged(compared, pick) for pick in (lambda c: c.path.run.q, lambda c: c.q_before, lambda c: c.q_after))
+    lost = ~np.isfinite(after).all(axis=1) | ~np.isfinite(before).all(axis=1)
+    if lost.any():
+        warnings += (f"a replay left the model's domain: {lost.mean():.0%} of the rows are not judged",)
+    keep = ~lost
+    size = max(int(round(BLOCK / compared[0].path.run.step)), 1)
+    last = compared[-1]
+    return Replay(
+        kind="guided" if compared[0].path.guided else "closed loop",
+        before=_percent(before[keep], tau[keep]), after=_percent(after[keep], tau[keep]),
+        interval=_interval(after[keep] - tau[keep], tau[keep], size),
+        position_before=_rms(q_before[keep] - q[keep]), position_after=_rms(q_after[keep] - q[keep]),
+        runs=tuple(c.path.run.name for c in compared), laws=laws, warnings=warnings,
+        time=last.path.run.time, tau=last.path.run.tau, tau_before=last.before, tau_after=last.after,
+    )  # fmt: skip
+
+
+def _judged(compared: Sequence[_Compared], pick) -> np.ndarray:
+    """Held-out rows after the first SETTLE seconds of each run, below each other."""
+    parts = []
+    for c in compared:
+        rows = c.path.run.test.copy()
+        rows[: int(SETTLE / c.path.run.step)] = False
+        parts.append(pick(c)[rows])
+    return np.concatenate(parts)
+
+
+def _rms(x: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.sqrt(np.mean(x**2, axis=0)))
+
+
+def _percent(replayed: np.ndarray, tau: np.ndarray) -> tuple[float, ...]:
+    return tuple(100 * e / max(t, 1e-300) for e, t in zip(_rms(replayed - tau), _rms(tau), strict=True))
+
+
+def _interval(error: np.ndarray, tau: np.ndarray, size: int) -> tuple[tuple[float, float], ...]:
+    """95 % interval of RMS% by resampling blocks of `size` rows, 400 times."""
+    count = max(len(error) // size, 1)
+    blocks = [np.array_split(x**2, count) for x in (error, tau)]
+    sums = [np.array([block.sum(axis=0) for block in part]) for part in blocks]
+    draws = np.random.default_rng(0).integers(count, size=(400, count))
+    spread = 100 * np.sqrt(sums[0][draws].sum(axis=1) / np.maximum(sums[1][draws].sum(axis=1), 1e-300))
+    low, high = np.percentile(spread, (2.5, 97.5), axis=0)
+    return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+
+
+def _notes(paths: Sequence[_Path]) -> tuple[str, ...]:
+    notes = []
+    for path in paths:
+        if path.guided:
+            continue
+        share = 100 * np.sqrt(np.mean(path.feed**2) / np.mean(path.run.tau**2))
+        if share > 1:
+            notes.append(f"{path.run.name}: the recorded torque holds pulses or feed-forward of {share:.0f} % RMS that the law from "
+                         "q_ref does not give; they are replayed as recorded")  # fmt: skip
+    if any(path.guided for path in paths):
+        notes.append("no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a soft PD that "
+                     "holds the drive on the recorded path; the error is the torque it needs")  # fmt: skip
+    return tuple(notes)

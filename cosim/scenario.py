@@ -160,6 +160,15 @@ def draft(
     return scenario, problems + _check(scenario, path.name)
 
 
+def load_text(text: str, folder: Path = Path(".")) -> Scenario:
+    """The scenario of a TOML text, as `to_toml` writes it; files are not looked for. Raises InputError."""
+    problems: list[Problem] = []
+    scenario = _structure(tomllib.loads(text), folder / "scenario.toml", problems)
+    if problems or scenario is None:
+        raise InputError(problems)
+    return scenario
+
+
 def shipped(folder: str = "scenarios") -> list[Path]:
     """The TOML files that come with cosim: folder `scenarios` or `sweeps`, sorted by name."""
     return sorted((Path(str(entry)) for entry in files("cosim").joinpath(folder).iterdir() if entry.name.endswith(".toml")))

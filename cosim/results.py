@@ -1,0 +1,143 @@
+"""Results on disk: HDF5 with units and provenance, CSV and MAT for other tools. The only module that imports h5py.
+
+Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elements), each with the attribute `unit`; the root
+holds outcome, message, scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
+"""
+
+import json
+import platform
+import shlex
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from cosim.errors import InputError, Problem
+from cosim.master import Identity, Result
+from cosim.outcome import Outcome
+from cosim.scenario import load_text, to_toml
+from cosim.signals import grouped
+
+FORMAT = 1
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computed a result."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in ("haptic-cosim", "fmpy", "numpy"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def command_line() -> str:
+    """The command that this process was started with."""
+    words = [Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python", *sys.argv[1:]]
+    return shlex.join("cosim" if word in ("__main__.py",) else word for word in words)
+
+
+def provenance(result: Result) -> dict[str, object]:
+    """Where a result comes from, as plain values: scenario text, FMUs, versions, seed, command, effects."""
+    return {
+        "scenario": to_toml(result.scenario), "seed": result.scenario.experiment.seed, "effects": list(result.scenario.effects),
+        "fmus": [{"component": f.component, "name": f.model, "fmi": f.fmi, "sha256": f.sha256} for f in result.fmus],
+        "versions": versions(), "command": command_line(),
+    }  # fmt: skip
+
+
+def write_h5(result: Result, path: Path | str) -> Path:
+    """Write a result; the file is complete or not there. Raises OSError (disk full, not writable)."""
+    import h5py
+
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(partial, "w") as file:
+            _write(file, result)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def _write(file, result: Result) -> None:
+    file.attrs["format"] = FORMAT
+    file.attrs["outcome"] = result.outcome.value
+    file.attrs["message"] = result.message
+    file.attrs["wall_time"] = result.wall_time
+    if result.stopped_at is not None:
+        file.attrs["stopped_at"] = result.stopped_at
+    for key, value in provenance(result).items():
+        file.attrs[key] = value if isinstance(value, (str, int)) else json.dumps(value)
+    file.create_dataset("time", data=result.time).attrs["unit"] = "s"
+    for name, elements in grouped(result.signals).items():
+        component, _, variable = name.partition(".")
+        values = np.column_stack([result.signals[element] for element in elements])
+        data = file.create_dataset(f"signals/{component}/{variable}", data=values)
+        data.attrs["unit"] = result.units[elements[0]]
+        data.attrs["elements"] = json.dumps([element.partition(".")[2] for element in elements])
+
+
+def read_h5(path: Path | str) -> Result:
+    """A result as it was written. Raises InputError where the file is none."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return _read(file)
+    except (OSError, KeyError) as error:
+        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+
+
+def _read(file) -> Result:
+    signals, units = {}, {}
+    for component, variables in file["signals"].items():
+        for data in variables.values():
+            values = data[...]
+            for column, element in enumerate(json.loads(data.attrs["elements"])):
+                signals[f"{component}.{element}"] = values[:, column]
+                units[f"{component}.{element}"] = data.attrs["unit"]
+    fmus = tuple(Identity(f["component"], f["name"], f["fmi"], "", f["sha256"]) for f in json.loads(file.attrs["fmus"]))
+    scenario = load_text(file.attrs["scenario"])
+    signals = {name: signals[name] for name in _ordered(signals, scenario.components)}
+    stopped = file.attrs.get("stopped_at")
+    return Result(
+        scenario, Outcome(file.attrs["outcome"]), file["time"][...], signals, units, None if stopped is None else float(stopped),
+        file.attrs["message"], float(file.attrs["wall_time"]), fmus,
+    )  # fmt: skip
+
+
+def _ordered(signals: Mapping[str, object], components: Mapping[str, object]) -> list[str]:
+    rank = {name: i for i, name in enumerate(components)}
+    return sorted(signals, key=lambda name: rank.get(name.partition(".")[0], len(rank)))
+
+
+def export_csv(result: Result, path: Path | str) -> Path:
+    """Write all signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, then one line per row, 17 digits."""
+    path = Path(path)
+    header = ",".join(["time [s]"] + [f"{name} [{result.units[name]}]" for name in result.signals])
+    table = np.column_stack([result.time, *result.signals.values()])
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(header + "\n")
+        for row in table.tolist():
+            stream.write(",".join(map(repr, row)) + "\n")
+    return path
+
+
+def export_mat(result: Result, path: Path | str) -> Path:
+    """Write a MATLAB file: `time`, a struct `signals.<component>.<name>` (n, elements), a struct `units` alike."""
+    from scipy.io import savemat
+
+    signals, units = {}, {}
+    for name, elements in grouped(result.signals).items():
+        component, _, variable = name.partition(".")
+        signals.setdefault(component, {})[variable] = np.column_stack([result.signals[e] for e in elements])
+        units.setdefault(component, {})[variable] = result.units[elements[0]]
+    content = {"time": result.time[:, None], "signals": signals, "units": units, "outcome": result.outcome.value}
+    savemat(path, content | {"scenario": to_toml(result.scenario)}, long_field_names=True, do_compression=True)
+    return Path(path)

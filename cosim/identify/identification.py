@@ -173,3 +173,11 @@ def unexcited(found: Identification) -> tuple[str, ...]:
 def on_all_rows(method: Method) -> Method:
     """The same method with no rows left out."""
     return evolve(method, name=f"{method.name}, all rows", reversals=KeepAll())
+
+
+def without_friction(found: Identification) -> np.ndarray:
+    """Parameters (p,) of the same model fitted with no friction columns (they are zero): Taati's Figs. 4 and 5."""
+    rigid = [k for k in found.identifiability.base if not found.stack.names[k].startswith(("viscous", "coulomb"))]
+    part = evolve(found.stack, y=found.stack.y[:, :, rigid], names=tuple(found.stack.names[k] for k in rigid))
+    fitted = estimate(part, evolve(found.method, physical=False), found.recording.device)
+    return _spread_out(fitted.params, tuple(rigid), len(found.params))

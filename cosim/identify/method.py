@@ -3,8 +3,9 @@
 from abc import ABC, abstractmethod
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
+from cosim.errors import InputError, Problem
 from cosim.measured.filtering import FirstOrder, LowPass, Motion, ZeroPhase, bandwidth, near_reversal
 from cosim.measured.recording import Recording
 
@@ -106,3 +107,16 @@ def taati(recording: Recording, velocity_cutoff: float = 30.0) -> Method:
     rate = 1 / max(run.step for run in recording.runs)
     cutoff = min(velocity_cutoff, 0.2 * rate)
     return Method("Taati", cutoff, FirstOrder(10.0), KeepAll(), both_sides=False, weighted=False)
+
+
+def adjusted(method: Method, cutoff: float | None, velocity_cutoff: float | None, smooth_sign: float | None, robust: bool,
+             physical: bool) -> Method:
+    """The method with what a user asked for. Raises InputError for a cutoff or a speed that is not positive."""
+    given = {"--cutoff": cutoff, "--velocity-cutoff": velocity_cutoff, "--smooth-sign": smooth_sign}
+    problems = [Problem(name, "a positive number", f"{value:g}") for name, value in given.items() if value is not None and not value > 0]
+    if problems:
+        raise InputError(problems)
+    low_pass = method.low_pass if cutoff is None else ZeroPhase(cutoff)
+    reversals = method.reversals if smooth_sign is None else SmoothLaw(smooth_sign)
+    return evolve(method, low_pass=low_pass, velocity_cutoff=velocity_cutoff or method.velocity_cutoff, reversals=reversals,
+                  robust=robust, physical=physical)  # fmt: skip

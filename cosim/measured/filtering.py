@@ -44,6 +44,9 @@ class FirstOrder(LowPass):
 
     omega: float = 10.0  # rad/s
 
+    def __str__(self) -> str:
+        return f"L(s) = w/(w + s) with w = {self.omega:.3g} rad/s"
+
     def low(self, signal: np.ndarray, step: float) -> np.ndarray:
         from scipy.signal import lfilter
 
@@ -73,6 +76,9 @@ class ZeroPhase(LowPass):
 
     cutoff: float
     order: int = 4
+
+    def __str__(self) -> str:
+        return f"a Butterworth low-pass of {self.cutoff:.3g} Hz (order {self.order}, zero phase)"
 
     def low(self, signal: np.ndarray, step: float) -> np.ndarray:
         from scipy.signal import sosfiltfilt

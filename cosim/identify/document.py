@@ -1,0 +1,59 @@
+"""identification.json: the keys of CONTRACT.md, and what stands beside them."""
+
+import math
+from importlib.metadata import version
+
+from cosim.identify.idim import Idim
+from cosim.identify.identification import Identification, unexcited
+
+
+def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict:
+    """The identification as a JSON table; NaN becomes null."""
+    return _clean({
+        "device": found.recording.device,
+        "files": list(found.recording.files),
+        "joints": list(found.recording.joints),
+        "method": found.method.text(),
+        "parameters": _parameters(found),
+        "rms_percent": {"train": found.rms_train, "held_out": found.rms_held_out, "held_out_all_rows": found.rms_held_out_all,
+                        "rows": found.method.reversals.text()},
+        "condition_number": found.identifiability.condition,
+        "rank": found.identifiability.rank,
+        "unexcited": list(unexcited(found)),
+        "mass_matrix_positive_definite": found.positive_definite,
+        "intervals": {"level": 0.95, "method": "delete-one-block jackknife", "block_s": found.spread.block,
+                      "blocks": found.spread.blocks, "effective_samples": found.spread.effective,
+                      "equations": int(found.stack.fit.sum())},
+        "paper_estimator": {"method": paper.method.text(), "parameters": _parameters(paper),
+                            "rms_percent": {"train": paper.rms_train, "held_out": paper.rms_held_out}},
+        "idim_ls": _idim(idim),
+        "warnings": list(found.warnings),
+        "versions": {"cosim": version("haptic-cosim")},
+    })  # fmt: skip
+
+
+def _parameters(found: Identification) -> list[dict]:
+    return [
+        {"name": p.name, "value": p.value, "std": p.std, "std_white": p.std_white, "interval": list(p.interval), "unit": p.unit}
+        for p in found.parameters
+    ]
+
+
+def _idim(idim: Idim | None) -> dict | None:
+    if idim is None:
+        return None
+    names = ("inertia", "viscous", "coulomb", "offset", "gravity_sin", "gravity_cos")
+    return {"method": idim.text, "parameters": dict(zip(names, idim.params, strict=False)),
+            "relative_error_percent": {"train": idim.train, "held_out": idim.held_out},
+            "default_parameters_on_these_rows": {"train": idim.other_train, "held_out": idim.other_held_out}}  # fmt: skip
+
+
+def _clean(value):
+    """numpy to plain Python, NaN and infinity to null."""
+    if isinstance(value, dict):
+        return {key: _clean(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_clean(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _clean(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -186,6 +186,15 @@ def definite_map(pi: np.ndarray, workspace: Workspace = LINKED, count: int = 181
     return q2, q3, np.where(workspace.contains(q), least, np.nan)
 
 
+def mesh(workspace: Workspace = LINKED, count: int = 81) -> np.ndarray:
+    """Poses (count, count, 3) with q1 = 0 that cover the (q2, q3) polygon to its edges: q2 along axis 0, q3 across the strip."""
+    q2 = np.linspace(workspace.low[1], workspace.high[1], count)[:, None]
+    lower = np.maximum(workspace.low[2], q2 - workspace.linkage_high)
+    upper = np.minimum(workspace.high[2], q2 - workspace.linkage_low)
+    q3 = lower + (upper - lower) * np.linspace(0, 1, count)
+    return np.stack([np.zeros_like(q3), np.broadcast_to(q2, q3.shape), q3], axis=-1)
+
+
 def _negative_share(pi: np.ndarray, workspace: Workspace) -> float:
     values = definite_map(pi, workspace)[2]
     return float(np.mean(values[np.isfinite(values)] <= 0))

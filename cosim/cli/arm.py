@@ -96,6 +96,11 @@ def _provenance(arm: ParameterSet) -> dict[str, object]:
             "pi": ", ".join(f"{value:.6g}" for value in arm.pi)}
 
 
+def _rounded(values, digits: int = 1) -> list[float]:
+    """Numbers as a table shows them; rounding leaves no negative zero."""
+    return [round(float(value), digits) + 0.0 for value in values]
+
+
 def _definite_verdict(arm: ParameterSet, found: Definiteness) -> str:
     q2, q3 = (angle * 57.29577951308232 for angle in found.pose)
     least = f"least M11 {1e3 * found.least_yaw:.3f}e-3 kg m^2 at q2 = {q2:.1f} deg, q3 = {q3:.1f} deg"
@@ -117,7 +122,7 @@ def _limits_section(arm: ParameterSet) -> Section:
     text = (f"The section is turned by q1. Behind the axis (r < 0) lie {100 * share:.2f} % of the poses. det J = l1 l2 r cos(q2 - q3): "
             "J is singular on the axis (r = 0), which lies inside the workspace, and with the arm in line (|q3 - q2| = 90 deg), "
             "which the linkage does not allow. On the axis the tip cannot be moved sideways at all: its mass grows without bound.")
-    caption = "Section of the workspace. Colour: effective tip mass 1 / (n' J M^-1 J' n) in the heaviest direction n."
+    caption = "Section of the workspace. Colour: effective tip mass 1 / (n' J M^-1 J' n) in the heaviest direction n; pale red: M is not positive definite there."
     table = Table(("angle", "from [deg]", "to [deg]", "source"), rows)
     return Section("Limits and singularities", text, [table], [Figure(section_figure(arm, LINKED, MASS_LEVELS), caption)])
 
@@ -129,7 +134,8 @@ def _tip_section(arm: ParameterSet) -> Section:
     for pose in ((0.0, 0.0, 0.0), (0.0, 0.3, 0.4), (0.0, 0.8, 0.9), (0.0, -0.4, 0.2)):
         mass, direction = heaviest_direction(arm.pi, np.array(pose))
         along = [float(tip_mass(arm.pi, np.array(pose), axis)) for axis in np.eye(3)]
-        rows.append((", ".join(f"{angle:g}" for angle in pose), *along, float(mass), ", ".join(f"{value + 0.0:.2f}" for value in direction)))
+        rows.append((", ".join(f"{angle:g}" for angle in pose), *_rounded((*along, mass), 4),
+                     ", ".join(f"{value + 0.0:.2f}" for value in direction)))
     header = ("q [rad]", "along x [kg]", "along y [kg]", "along z [kg]", "heaviest [kg]", "its direction (x, y, z)")
     return Section("Effective tip mass", "What a hand feels when it pushes the tip along one direction and the others stay free.",
                    [Table(header, rows)])
@@ -144,15 +150,16 @@ def _definite_section(arm: ParameterSet, found: Definiteness) -> Section:
     text = ("M11 is minimised over box and linkage by branch and bound: the value is the global minimum to nine digits, not "
             "the best of a grid. The smaller eigenvalue of the (q2, q3) block depends on |sin(q2 - q3)| only. Taati 3.2 reports M > 0 with a "
             "smallest eigenvalue of 1.8e-3 for all configurations, which the table does not bear out (MISPRINTS.md).")
-    figures = [Figure(definite_figure(arm, LINKED, found), "Smallest eigenvalue of M over the linked workspace; black: where it is zero."),
-               Figure(definite_maps_figure(sets, LINKED), "The same for every parameter set.")]
+    figures = [Figure(definite_figure(arm, LINKED, found), "M11 and the block's smaller eigenvalue over the linked workspace; black: where they are zero."),
+               Figure(definite_maps_figure(sets, LINKED), "Smallest eigenvalue of M for every parameter set; red: not positive definite.")]
     return Section("Positive definiteness", text, [Table(header, rows, "Inertias in 1e-3 kg m^2.")], figures)
 
 
 def _definite_cells(params: ParameterSet) -> tuple[object, ...]:
     linked, box = definiteness(params.pi, LINKED), definiteness(params.pi, BOX)
     pose = ", ".join(f"{angle * 57.29577951308232:.1f}" for angle in linked.pose)
-    return (1e3 * linked.least_yaw, pose, 1e3 * linked.least_block, linked.positive, 100 * linked.negative_share, 1e3 * box.least_yaw)
+    return (round(1e3 * linked.least_yaw, 4), pose, round(1e3 * linked.least_block, 4), linked.positive,
+            round(100 * linked.negative_share, 1), round(1e3 * box.least_yaw, 4))
 
 
 def _dissect_verdict(found: Dissection) -> str:
@@ -170,7 +177,7 @@ def _share_lines(found: Dissection) -> str:
 def _own_dissection(found: Dissection, motion) -> Section:
     from cosim.plots.arm import dissection_figure
 
-    rows = [(name, *(float(v) for v in 100 * found.share[i]), *(float(v) for v in 1e3 * found.rms[i])) for i, name in enumerate(TERMS)]
+    rows = [(name, *_rounded(100 * found.share[i]), *_rounded(1e3 * found.rms[i])) for i, name in enumerate(TERMS)]
     header = ("term", *(f"joint {j} [%]" for j in (1, 2, 3)), *(f"joint {j} RMS [mN m]" for j in (1, 2, 3)))
     fastest = ", ".join(f"{value:.2f}" for value in abs(motion.dq).max(axis=0))
     text = (f"Free random motion inside box and linkage; fastest joint rates {fastest} rad/s (Taati: 3.5 rad/s). Share: mean absolute "
@@ -182,7 +189,7 @@ def _own_dissection(found: Dissection, motion) -> Section:
 def _all_dissections(found: list[Dissection]) -> Section:
     from cosim.plots.arm import joint_dissections_figure, shares_figure
 
-    rows = [(d.name, joint + 1, *(float(v) for v in 100 * d.share[:, joint])) for joint in range(3) for d in found]
+    rows = [(d.name, joint + 1, *_rounded(100 * d.share[:, joint])) for joint in range(3) for d in found]
     figures = [Figure(shares_figure(found), "Shares of the five identified configurations, same motion."),
                Figure(joint_dissections_figure(found, 2, 20.0), "Joint 3 of the five configurations, like Taati Fig. 11.")]
     return Section("All configurations", "", [Table(("set", "joint", *(f"{name} [%]" for name in TERMS)), rows)], figures)
@@ -225,7 +232,7 @@ def _balance_section(arm: ParameterSet, tool: Attachment, weights: Counterweight
     arms = [(arm.name, bare), ("with tool", fitted(arm, tool, none)),
             (f"with tool and {GCW_WEIGHT.upper:g} kg on motor two", fitted(arm, tool, evolve(GCW_WEIGHT, lever=weights.lever))),
             ("with tool and both counterweights", fitted(arm, tool, weights))]
-    rows = [(name, *(float(1e3 * value) for value in params.pi)) for name, params in arms]
+    rows = [(name, *_rounded(1e3 * params.pi, 2)) for name, params in arms]
     text = ("Eqs. 16-17 move g7 and g8; the same masses move the inertial parameters as well, which is the price of balance: the table "
             "has all eight. A weight on motor two cannot change g8, so balance needs two weights.")
     caption = "Parameters in 1e-3 (kg m^2, N m)."
@@ -246,7 +253,7 @@ def _printed_section() -> Section:
 def _gimbal_section() -> Section:
     predicted, identified = fitted(parameter_set("UR"), GIMBAL, GCW_WEIGHT).pi, parameter_set("GCW").pi
     bare = parameter_set("UR").pi
-    rows = [(name, float(1e3 * a), float(1e3 * b), float(1e3 * c)) for name, a, b, c in
+    rows = [(name, *_rounded((1e3 * a, 1e3 * b, 1e3 * c), 2)) for name, a, b, c in
             zip(PARAMETER_NAMES, bare, predicted, identified, strict=True)]
     text = ("The paper checks g7 and g8 only. As point masses gimbal and weight also predict the inertial parameters: d2, d4 and d5 come within "
             "12 % of the identified ones, d1, d3 and d6 do not, and d1 is the one that makes the identified M indefinite.")

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.arm.dissection import TERMS, Dissection
-from cosim.arm.dynamics import gravity_torque, heaviest_direction
+from cosim.arm.dynamics import gravity_torque, heaviest_direction, yaw_inertia
 from cosim.arm.kinematics import L1, L2, forward, radius
 from cosim.arm.parameters import ParameterSet
-from cosim.arm.workspace import BOX, Definiteness, Workspace, definite_map, outline
-from cosim.plots.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, to_svg
+from cosim.arm.workspace import BOX, Definiteness, Workspace, block_eigenvalue, mesh, outline
+from cosim.plots.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, PURPLE, RED, figure, to_svg
 
+NOT_DEFINITE = "#f3c9b5"
 TERM_COLOURS = dict(zip(TERMS, COLOURS[:5], strict=True))
 
 
@@ -20,22 +21,25 @@ def _section(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def section_figure(params: ParameterSet, workspace: Workspace, levels: Sequence[float]) -> str:
-    """The reachable section of the arm, coloured by the tip's mass in its heaviest direction [kg]; `levels` in kg."""
-    fig, axes = figure(width=7.6, height=5.4)
+    """The reachable section of the arm, coloured by the tip's mass in its heaviest direction; `levels` in kg.
+
+    Where M is not positive definite there is no such mass: those poses are drawn in one pale red.
+    """
+    fig, axes = figure(width=6.2, height=6.6)
     axis = axes[0, 0]
-    q2, q3 = (np.linspace(workspace.low[i], workspace.high[i], 201) for i in (1, 2))
-    q = np.stack([np.zeros((201, 201)), *np.meshgrid(q2, q3, indexing="ij")], axis=-1)
-    mass = np.full(q.shape[:-1], np.nan)
-    inside = workspace.contains(q)
-    mass[inside] = np.abs(heaviest_direction(params.pi, q[inside])[0])
-    drawn = axis.contourf(*_section(q), np.clip(mass, levels[0], levels[-1]), levels=levels, cmap="viridis_r")
-    fig.colorbar(drawn, ax=axis, label="tip mass in its heaviest direction [kg]", ticks=levels)
-    axis.plot(*_section(outline(BOX)), color=GREY, lw=0.9, ls="--", label="box of Sallam Table I alone")
+    q = mesh(workspace, 161)
+    mass = np.clip(heaviest_direction(params.pi, q)[0], levels[0], levels[-1])
+    definite = (yaw_inertia(params.pi, q) > 0) & (block_eigenvalue(params.pi, q[..., 1] - q[..., 2]) > 0)
+    axis.contourf(*_section(q), np.where(definite, 0.0, 1.0), levels=[0.5, 1.5], colors=[NOT_DEFINITE])
+    drawn = axis.contourf(*_section(q), np.where(definite, np.log(mass), np.nan), levels=np.log(levels), cmap="viridis_r")
+    bar = fig.colorbar(drawn, ax=axis, label="tip mass in its heaviest direction [kg]", ticks=np.log(levels))
+    bar.set_ticklabels([f"{level:g}" for level in levels])
+    axis.plot(*_section(outline(BOX)), color=GREY, lw=0.9, ls="--", label="edges of Sallam's box alone")
     axis.plot(*_section(outline(workspace)), color=BLACK, lw=1.2, label="box and linkage")
     axis.axvline(0, color=RED, lw=1.2, label="r = 0: joint 1 cannot move the tip")
     _draw_arm(axis)
     axis.set(xlabel="distance from the vertical axis r [mm]", ylabel="height y [mm]", aspect="equal")
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
+    fig.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
     return to_svg(fig)
 
 
@@ -46,13 +50,17 @@ def _draw_arm(axis) -> None:
 
 
 def definite_figure(params: ParameterSet, workspace: Workspace, found: Definiteness) -> str:
-    """Smallest eigenvalue of M over the (q2, q3) plane of one set, its zero line and the pose where M11 is smallest."""
-    fig, axes = figure(width=7.0, height=4.6)
-    drawn = _definite_axes(axes[0, 0], params, workspace)
-    axes[0, 0].plot(*np.rad2deg(found.pose), "o", color=BLACK, ms=6, mfc="none", label=f"M11 least: {1e3 * found.least_yaw:.3g}e-3")
-    axes[0, 0].set(xlabel="q2 [deg]", ylabel="q3 [deg]", title=params.name)
+    """M11 and the smaller eigenvalue of the (q2, q3) block of one set over the polygon, each with its zero line and least pose."""
+    q = mesh(workspace)
+    fig, axes = figure(1, 2, width=9.6, height=4.2)
+    values = (yaw_inertia(params.pi, q), block_eigenvalue(params.pi, q[..., 1] - q[..., 2]))
+    names = ("M11", "smaller eigenvalue of the (q2, q3) block")
+    for axis, value, name in zip(axes[0], values, names, strict=True):
+        drawn = _map(axis, q, 1e3 * value, np.linspace(1e3 * value.min(), 1e3 * value.max(), 13), "viridis")
+        axis.set(xlabel="q2 [deg]", ylabel="q3 [deg]", title=f"{params.name}: {name}")
+        fig.colorbar(drawn, ax=axis, label="[1e-3 kg m$^2$]", format="%.2f")
+    axes[0, 0].plot(*np.rad2deg(found.pose), "o", color=RED, ms=7, label=f"least: {1e3 * found.least_yaw:.3f}e-3")
     axes[0, 0].legend(loc="upper left")
-    fig.colorbar(drawn, ax=axes[0, 0], label="smallest eigenvalue of M [1e-3 kg m$^2$]")
     return to_svg(fig)
 
 
@@ -75,11 +83,17 @@ def definite_maps_figure(sets: Sequence[ParameterSet], workspace: Workspace) -> 
 
 
 def _definite_axes(axis, params: ParameterSet, workspace: Workspace):
-    q2, q3, least = definite_map(params.pi, workspace, 121)
-    grid, scaled = (np.rad2deg(q2), np.rad2deg(q3)), 1e3 * np.clip(least.T, -2.4e-3, 2.4e-3)
-    drawn = axis.contourf(*grid, scaled, levels=np.linspace(-2.4, 2.4, 13), cmap="RdBu")
-    if np.nanmin(least) < 0:
-        axis.contour(*grid, scaled, levels=[0.0], colors=BLACK, linewidths=1.2)
+    q = mesh(workspace)
+    least = np.minimum(yaw_inertia(params.pi, q), block_eigenvalue(params.pi, q[..., 1] - q[..., 2]))
+    return _map(axis, q, 1e3 * np.clip(least, -2.4e-3, 2.4e-3), np.linspace(-2.4, 2.4, 13), "RdBu")
+
+
+def _map(axis, q: np.ndarray, value: np.ndarray, levels: np.ndarray, colours: str):
+    """Filled contours of a value (n, n) over the poses of `mesh`, the zero line in black."""
+    grid = np.rad2deg(q[..., 1]), np.rad2deg(q[..., 2])
+    drawn = axis.contourf(*grid, value, levels=levels, cmap=colours)
+    if value.min() < 0:
+        axis.contour(*grid, value, levels=[0.0], colors=BLACK, linewidths=1.2)
     return drawn
 
 
@@ -142,8 +156,8 @@ def gravity_figure(arms: Sequence[tuple[str, ParameterSet]], workspace: Workspac
         angle = np.linspace(workspace.low[joint], workspace.high[joint], 200)
         q = np.zeros((200, 3))
         q[:, joint] = angle
-        for (name, arm), colour in zip(arms, (BLUE, ORANGE, RED, GREEN), strict=False):
-            axis.plot(np.rad2deg(angle), 1e3 * gravity_torque(arm.pi, q)[:, joint], color=colour, label=name)
+        for (name, arm), colour, dash in zip(arms, (BLUE, ORANGE, PURPLE, GREEN), ("-", "-", "--", "-"), strict=False):
+            axis.plot(np.rad2deg(angle), 1e3 * gravity_torque(arm.pi, q)[:, joint], color=colour, ls=dash, label=name)
         axis.axhline(0, color=GREY, lw=0.8)
         axis.set(xlabel=f"q{joint + 1} [deg]", ylabel="gravity torque [mN m]", title=f"joint {joint + 1}")
     fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)

@@ -2,6 +2,8 @@
 
 from build_fmus.build import fmu_path
 from build_fmus.errors import BuildError
+from build_fmus.recording import recording_fmu
 from build_fmus.sources import models
+from build_fmus.starting import start_values
 
-__all__ = ["BuildError", "fmu_path", "models"]
+__all__ = ["BuildError", "fmu_path", "models", "recording_fmu", "start_values"]

@@ -99,6 +99,11 @@ def token_of(job: Job, files: Mapping[str, bytes]) -> str:
     return "{" + key_of(header(job.table, ""), *(x for n in sorted(files) for x in (n, files[n])))[:36] + "}"
 
 
+def header_token(job: Job) -> str:
+    """Instantiation token of the FMU that the job would build."""
+    return token_of(job, model_files(job.model, job.fmi, job.extra))
+
+
 def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
     flags = [" ".join(compiler.flags(PLATFORMS[p])) for p in job.platforms]
     readme = readme_of(job.model)

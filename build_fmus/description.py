@@ -142,8 +142,6 @@ def initial_dependencies(table: Table, s: Scalar) -> list[int]:
         row = table.references(v.initial)
         return [row[s.index]] if len(row) == v.width else row
     parameters = [p.reference for p in table.of("parameter", "tunable") if p.variable.type == "Real"]
-    if v.causality == "state":
-        return parameters
     inputs = _links(table, s, v.feedthrough) + _links(table, s, v.feedthrough_at_start)
     if s.reference in {d for _, d in table.states}:
         inputs += [i.reference for i in table.slopes] if v.feedthrough is None else []

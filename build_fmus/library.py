@@ -25,7 +25,7 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
         work = Path(tempfile.mkdtemp(prefix="build-fmus-"))
         try:
             fresh = work / library.name
-            compile_library(compiler, chosen, root, f"{name}/{name}.c", fresh, folder, flags)
+            compile_library(compiler, chosen, root, f"{name}/{name}.c", fresh, folder, ("-Ishared", *flags))
             store(library, fresh.read_bytes())
         finally:
             shutil.rmtree(work, ignore_errors=True)

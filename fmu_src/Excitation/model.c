@@ -7,8 +7,8 @@
 static void sum(const double *amplitude, const double *frequency, const double *phase, double t, double y[3]) {
     y[0] = y[1] = y[2] = 0.0;
     for (int k = 0; k < TERMS; k++) {
-        double w = 2.0 * PI * frequency[k], turns = frequency[k] * t, sine, cosine;
-        sincos_real(2.0 * PI * (turns - floor(turns)) + phase[k], &sine, &cosine);
+        double w = frequency[k], sine, cosine;
+        sincos_real(w * t + phase[k], &sine, &cosine);
         y[0] += amplitude[k] * sine;
         y[1] += amplitude[k] * w * cosine;
         y[2] -= amplitude[k] * w * w * sine;
@@ -35,16 +35,20 @@ static const char *sample(Model *m, double t) {
     return NULL;
 }
 
+/* + in the first half of each period, - in the second; a billionth of a period is forgiven at the edges */
+static double square(const Model *m, double t) {
+    double turns = m->square_period > 0.0 ? (t - m->origin) / m->square_period + 1e-9 : 0.0;
+    double sign = turns - floor(turns) < 0.5 ? 1.0 : -1.0;
+    return m->square_period > 0.0 ? sign : 0.0;
+}
+
 static void outputs(Model *m, double t) {
-    const double *amplitude[3] = {m->amplitude_1, m->amplitude_2, m->amplitude_3};
-    const double *frequency[3] = {m->frequency_1, m->frequency_2, m->frequency_3};
-    const double *phase[3] = {m->phase_1, m->phase_2, m->phase_3};
-    double w[3];
+    double w[3], sign = square(m, t);
     window(m, t, w);
     for (int i = 0; i < 3; i++) {
         double y[3];
-        sum(amplitude[i], frequency[i], phase[i], t, y);
-        m->q_ref[i] = m->offset[i] + w[0] * y[0];
+        sum(m->amplitude + i * TERMS, m->frequency + i * TERMS, m->phase + i * TERMS, t, y);
+        m->q_ref[i] = m->centre[i] + w[0] * y[0] + sign * m->square_amplitude[i];
         m->dq_ref[i] = w[0] * y[1] + w[1] * y[0];
         m->ddq_ref[i] = w[0] * y[2] + 2.0 * w[1] * y[1] + w[2] * y[0];
     }

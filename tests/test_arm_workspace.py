@@ -39,7 +39,7 @@ def test_minimum_is_global(name, workspace):
     q = workspace.sample(20000, 4)
     assert yaw_inertia(pi, q).min() >= found.least_yaw - 1e-15
     assert yaw_inertia(pi, np.array([0.0, *found.pose])) == pytest.approx(found.least_yaw, rel=1e-12)
-    assert 0 <= found.least_yaw - found.bound < 1e-9 * np.abs(pi[:4]).sum()
+    assert 0 <= found.least_yaw - found.bound <= 1e-9 * np.abs(pi[:4]).sum()
     least = np.linalg.eigvalsh(mass_matrix(pi, q)[:, 1:, 1:])[:, 0].min()
     assert found.least_block <= least + 1e-16 < found.least_block + 2e-5
     assert found.positive == bool(np.linalg.eigvalsh(mass_matrix(pi, q)).min() > 0)

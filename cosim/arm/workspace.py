@@ -139,7 +139,7 @@ def _least_block(pi: np.ndarray, workspace: Workspace) -> tuple[float, float]:
     return float(values.min()), float(candidates[values.argmin()])
 
 
-def _least_yaw(pi: np.ndarray, workspace: Workspace, rounds: int = 30) -> tuple[float, float, tuple[float, float]]:
+def _least_yaw(pi: np.ndarray, workspace: Workspace, rounds: int = 40) -> tuple[float, float, tuple[float, float]]:
     """Global minimum of M11 over the polygon: value, proven lower bound, pose.
 
     A cell of half widths h2, h3 about c holds no value below M11(c) - |D2| h2 - |D3| h3 - (K22 h2^2 + 2 K23 h2 h3 + K33 h3^2)/2,
@@ -164,7 +164,7 @@ def _least_yaw(pi: np.ndarray, workspace: Workspace, rounds: int = 30) -> tuple[
         cells = cells[floor <= best]
         half = half / 2
         cells = (cells[:, None, :] + half * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])).reshape(-1, 2)
-        if best - bound <= 1e-12 * abs(pi[:4]).sum():
+        if best - bound <= 1e-9 * np.abs(pi[:4]).sum():
             break
     return best, min(bound, best), (float(pose[0]), float(pose[1]))
 

@@ -23,7 +23,9 @@ GLUE = """
 #include <string.h>
 typedef struct {{
 {fields}
+    double origin, step, text[32];
 }} Model;
+{enumerations}
 #include "{model}/model.c"
 #define STATES {states}
 static const int state_at[] = {{ {state_at} 0 }}, rate_at[] = {{ {rate_at} 0 }};
@@ -53,6 +55,7 @@ int harness_steps(Model *m, double t0, double step, int n, const double *inputs,
         for (int i = 0; i < width; i++) ((double *)m)[input_at[i]] = inputs[k * width + i];
         const double t = t0 + k * step;
         const int internal = {internal};
+        m->step = step;
         for (int j = 0; j < internal && STATES > 0; j++) integrate(m, t + j * (step / internal), step / internal);
         failed = sample(m, t0 + (k + 1) * step);
         if (failed) return k + 1;
@@ -108,11 +111,14 @@ class CompiledModel:
         states = [entry for entry in table if entry["causality"] == "state"]
         state_at = [i for e in states for i in self._indices(e["name"])]
         rate_at = [i for e in states for i in self._indices(e["derivative"])]
+        choices = [f"{e['name']}_{item} = {i + 1}" for e in table for i, item in enumerate(e.get("items", []))]
         source = GLUE.format(
-            fields="\n".join(fields), model=model, states=len(state_at), state_at="".join(f"{i}, " for i in state_at),
+            enumerations=f"enum {{ {', '.join(choices).upper()} }};" if choices else "", fields="\n".join(fields), model=model, states=len(state_at), state_at="".join(f"{i}, " for i in state_at),
             rate_at="".join(f"{i}, " for i in rate_at), internal="(int)m->internal_steps" if "internal_steps" in self._places else "1",
             derive="derivatives(m, t);" if states else "(void)m; (void)t;")
         self._library = compile_library(source)
+        self._public = at - sum(e.get("size", 1) for e in table if e["causality"] == "private")
+        at += 34  # origin, step, text
         self._library.harness_failure.restype = ctypes.c_char_p
         assert self._library.harness_size_of() == 8 * at
         self.memory = np.zeros(at)
@@ -136,6 +142,9 @@ class CompiledModel:
         return self.memory.ctypes.data_as(ctypes.c_void_p)
 
     def start(self) -> "CompiledModel":
+        """start() on zeroed private state, as the glue calls it."""
+        self.memory[self._public:] = 0.0
+        self.time = 0.0
         if self._library.harness_begin(self._pointer()):
             raise ValueError(self._library.harness_failure().decode())
         return self

@@ -87,35 +87,33 @@ static void derivatives(Model *m, double t)
 static const char *start(Model *m)
 {
     const Joint j = joint_of(m);
-    memset(m->message, 0, sizeof m->message);
     set_start_state(m);
-    m->delayed_head = m->delayed_count = m->last_time = 0;
+    m->last_time = m->origin;
     if (m->backlash > 0 && !(m->joint_compliance > 0)) {
-        snprintf((char *)m->message, sizeof m->message, "joint_compliance = %g: backlash = %g needs a compliance > 0", m->joint_compliance, m->backlash);
-        return (const char *)m->message;
+        snprintf((char *)m->text, sizeof m->text, "joint_compliance = %g: backlash = %g needs a compliance > 0", m->joint_compliance, m->backlash);
+        return (const char *)m->text;
     }
     if (m->joint_compliance > 0 && !(m->motor_inertia > 0 && m->motor_inertia < m->inertia)) {
-        snprintf((char *)m->message, sizeof m->message, "motor_inertia = %g is outside (0, %g): an elastic joint needs a part of the inertia",
+        snprintf((char *)m->text, sizeof m->text, "motor_inertia = %g is outside (0, %g): an elastic joint needs a part of the inertia",
             m->motor_inertia, m->inertia);
-        return (const char *)m->message;
+        return (const char *)m->text;
     }
     if (m->actuator_lag > 0) m->tau_lag = delivered(m, &j);
     memcpy(m->kept, AXIS_STATE(m), sizeof m->kept);
-    m->started = 1;
     return NULL;
 }
 
 static const char *sample(Model *m, double t)
 {
     const Joint j = joint_of(m);
-    const double step = t - m->last_time, record[2] = {m->last_time, m->tau}, *state = AXIS_STATE(m);
-    char *text = (char *)m->message;
+    const double step = m->step, record[2] = {m->last_time, m->tau}, *state = AXIS_STATE(m);
+    char *text = (char *)m->text;
     if (m->domain == 0) return NULL;
-    const char *problem = joint_check_step(&j, 1, step, m->internal_steps, text, sizeof m->message);
+    const char *problem = joint_check_step(&j, 1, step, m->internal_steps, text, sizeof m->text);
     if (problem) return problem;
     if (m->time_delay > 0) {
         Ring ring = delayed_ring(m);
-        problem = joint_remember(&ring, record, t - m->time_delay, m->time_delay, step, text, sizeof m->message);
+        problem = joint_remember(&ring, record, t - m->time_delay, m->time_delay, step, text, sizeof m->text);
         m->delayed_head = ring.head;
         m->delayed_count = ring.count;
         if (problem) return problem;
@@ -132,7 +130,6 @@ static const char *sample(Model *m, double t)
 static void outputs(Model *m, double t)
 {
     (void)t;
-    if (m->started == 0) set_start_state(m);
     const Joint j = joint_of(m);
     const int elastic = m->joint_compliance > 0;
     m->q = joint_encoder(&j, elastic ? m->q_motor : m->q_link);

@@ -18,7 +18,7 @@ static void measure(const Model *m, const ArmPose *pose, double p[3], double res
 {
     double body[8], transposed[3], gravity[3];
     memcpy(body, m->pi, sizeof body);
-    if (m->mounting == 2) {
+    if ((int)m->mounting == MOUNTING_UPSIDE_DOWN) {
         body[6] = -body[6];
         body[7] = -body[7];
     }
@@ -66,8 +66,7 @@ static const char *start(Model *m)
     memcpy(m->torque, m->tau, sizeof m->torque);
     memcpy(m->torque_low, m->tau, sizeof m->torque);
     estimate(m, &pose);
-    m->last_time = 0;
-    m->started = 1;
+    m->last_time = m->origin;
     return NULL;
 }
 
@@ -92,6 +91,6 @@ static const char *sample(Model *m, double t)
 
 static void outputs(Model *m, double t)
 {
+    (void)m;
     (void)t;
-    if (m->started == 0) m->valid = 0;
 }

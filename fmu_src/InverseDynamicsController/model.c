@@ -8,7 +8,7 @@ static void control(Model *m)
 {
     double body[8], wanted[3], coriolis[3], gravity[3];
     memcpy(body, m->pi, sizeof body);
-    if (m->mounting == 2) {
+    if ((int)m->mounting == MOUNTING_UPSIDE_DOWN) {
         body[6] = -body[6];
         body[7] = -body[7];
     }
@@ -35,7 +35,6 @@ static void control(Model *m)
 static const char *start(Model *m)
 {
     control(m);
-    m->started = 1;
     return NULL;
 }
 
@@ -48,6 +47,6 @@ static const char *sample(Model *m, double t)
 
 static void outputs(Model *m, double t)
 {
+    (void)m;
     (void)t;
-    if (m->started == 0) control(m);
 }

@@ -40,7 +40,7 @@ static int any(const double *values, int n)
 /* pi with mounting and payload; `up` of the tilted base: Rz(-tilt2) Rx(-tilt1) (0, 1, 0). */
 static void set_body(Model *m)
 {
-    const double gravity = m->mounting == 2 ? -1.0 : 1.0;
+    const double gravity = (int)m->mounting == MOUNTING_UPSIDE_DOWN ? -1.0 : 1.0;
     double s1, c1, s2, c2;
     memcpy(m->body, m->pi, sizeof m->body);
     m->body[6] *= gravity;
@@ -98,7 +98,7 @@ static void delivered(Model *m, const ArmPose *p, double torque[3])
     }
     if (m->gravity_compensation != 0) {
         arm_gravity(m->pi, p, gravity);
-        if (m->mounting == 2)
+        if ((int)m->mounting == MOUNTING_UPSIDE_DOWN)
             for (int i = 0; i < 3; i++) gravity[i] = -gravity[i];
     }
     for (int i = 0; i < 3; i++) {
@@ -225,8 +225,8 @@ static void derivatives(Model *m, double t)
 /* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. */
 static const char *check_relations(Model *m)
 {
-    char *text = (char *)m->message;
-    const size_t size = sizeof m->message;
+    char *text = (char *)m->text;
+    const size_t size = sizeof m->text;
     const ArmPose p = arm_pose(m->q_start);
     ArmInertia inertia = arm_inertia(m->body, &p);
     double *diagonal[3] = {&inertia.m11, &inertia.m22, &inertia.m33};
@@ -266,7 +266,6 @@ static const char *check_relations(Model *m)
 static const char *start(Model *m)
 {
     double length = 0;
-    memset(m->message, 0, sizeof m->message);
     set_body(m);
     set_start_state(m);
     m->plain = 1;
@@ -279,7 +278,7 @@ static const char *start(Model *m)
     m->extras = any(m->coupling_viscous, 6) || any(m->coupling_coulomb, 6) || any(m->coupling_stiffness, 6);
     m->delays = any(m->time_delay, 3);
     m->impedance = any(m->stiffness, 3) || any(m->damping, 3);
-    m->indefinite = m->delayed_head = m->delayed_count = m->last_time = 0;
+    m->last_time = m->origin;
     const char *problem = check_relations(m);
     if (problem) return problem;
     const ArmPose p = arm_pose(m->q_link);
@@ -287,25 +286,24 @@ static const char *start(Model *m)
     for (int i = 0; i < 3; i++)
         if (!(m->actuator_lag[i] > 0)) m->tau_lag[i] = 0;
     memcpy(m->kept, ARM_STATE(m), sizeof m->kept);
-    m->started = 1;
     return NULL;
 }
 
 /* What each joint cannot be integrated or delayed with, checked once a step; keeps the command of the step that ends at t. */
 static const char *finish_joints(Model *m, double t)
 {
-    const double step = t - m->last_time, longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
+    const double step = m->step, longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
     const double record[7] = {m->last_time, m->tau[0], m->tau[1], m->tau[2], m->f_command[0], m->f_command[1], m->f_command[2]};
-    char *text = (char *)m->message;
+    char *text = (char *)m->text;
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);
-        const char *problem = joint_check_step(&j, i + 1, step, m->internal_steps, text, sizeof m->message);
+        const char *problem = joint_check_step(&j, i + 1, step, m->internal_steps, text, sizeof m->text);
         if (problem) return problem;
         m->z[i] = real_clamp(m->z[i], -1.0, 1.0);
     }
     if (!(longest > 0)) return NULL;
     Ring ring = delayed_ring(m);
-    const char *problem = joint_remember(&ring, record, t - longest, longest, step, text, sizeof m->message);
+    const char *problem = joint_remember(&ring, record, t - longest, longest, step, text, sizeof m->text);
     m->delayed_head = ring.head;
     m->delayed_count = ring.count;
     return problem;
@@ -336,10 +334,6 @@ static const char *sample(Model *m, double t)
 static void outputs(Model *m, double t)
 {
     (void)t;
-    if (m->started == 0) {
-        set_body(m);
-        set_start_state(m);
-    }
     const ArmPose p = arm_pose(m->q_link);
     arm_position(&p, m->x_tip);
     arm_velocity(&p, m->dq_link, m->dx_tip);

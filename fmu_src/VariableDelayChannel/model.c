@@ -15,8 +15,6 @@
 #define CAPACITY 8192
 #define WIDTH 8
 
-enum { CONSTANT = 1, SINUSOIDAL, UNIFORM, RANDOM_WALK, SAWTOOTH, SQUARE, RECORDED };
-enum { TIME_DELAY = 1, TRANSPORT_DELAY, NEWEST_PACKET, PACKET_ORDER };
 enum { STREAM_KNOTS, STREAM_CHAIN, STREAM_LOSS };
 
 static Ring ring_of(Model *m)
@@ -56,33 +54,33 @@ static double walk_on(const Model *m, double from, double k)
 
 static double between_knots(const Model *m, double t, double left, double right, double knot)
 {
-    if (m->knots == 2) return left;
-    return left + (right - left) * real_clamp(t / m->delay_interval - knot, 0.0, 1.0);
+    if ((int)m->knots == KNOTS_HOLD) return left;
+    return left + (right - left) * real_clamp((t - m->origin) / m->delay_interval - knot, 0.0, 1.0);
 }
 
 /* d(t) of the law (s). The random walk's knots move with t, which never goes back. */
 static double delay_at(Model *m, double t)
 {
-    const double span = m->delay_max - m->delay_min, knot = floor(t / m->delay_interval + 1e-9);
+    const double span = m->delay_max - m->delay_min, knot = floor((t - m->origin) / m->delay_interval + 1e-9);
     switch ((int)m->law) {
-    case SINUSOIDAL: {
+    case LAW_SINUSOIDAL: {
         double sine, cosine;
         sincos_real(2 * PI * turn(m, t), &sine, &cosine);
         return m->delay_min + 0.5 * span * (1 + sine);
     }
-    case UNIFORM:
+    case LAW_UNIFORM:
         return between_knots(m, t, uniform_knot(m, knot), uniform_knot(m, knot + 1), knot);
-    case RANDOM_WALK:
+    case LAW_RANDOM_WALK:
         for (; m->knot < knot; m->knot++) {
             m->walk[0] = m->walk[1];
             m->walk[1] = walk_on(m, m->walk[0], m->knot + 1);
         }
         return between_knots(m, t, m->walk[0], m->walk[1], knot);
-    case SAWTOOTH:
+    case LAW_SAWTOOTH:
         return m->delay_min + span * turn(m, t);
-    case SQUARE:
+    case LAW_SQUARE:
         return turn(m, t) < 0.5 ? m->delay_min : m->delay_max;
-    case RECORDED:
+    case LAW_RECORDED:
         return m->delay;
     default:
         return m->delay_mean;
@@ -101,16 +99,16 @@ static int is_lost(Model *m)
 
 static double stamp_of(const Model *m, const Ring *r, double t, double delay)
 {
-    if (m->semantics == TIME_DELAY) return t;
-    if (m->semantics == TRANSPORT_DELAY && r->count > 0) return real_max(t + delay, ring_at(r, r->count - 1)[0]);
+    if ((int)m->semantics == SEMANTICS_TIME_DELAY) return t;
+    if ((int)m->semantics == SEMANTICS_TRANSPORT_DELAY && r->count > 0) return real_max(t + delay, ring_at(r, r->count - 1)[0]);
     return t + delay;
 }
 
 static const char *too_long(Model *m, double delay, double t, double step)
 {
-    snprintf((char *)m->message, sizeof m->message, "delay of %g s at t = %g s does not fit the buffer of %d samples: %g s at the step of %g s",
+    snprintf((char *)m->text, sizeof m->text, "delay of %g s at t = %g s does not fit the buffer of %d samples: %g s at the step of %g s",
         delay, t, CAPACITY, CAPACITY * step, step);
-    return (const char *)m->message;
+    return (const char *)m->text;
 }
 
 /* Puts the sample of time t into the ring. The oldest record makes room when nothing needs it any more. */
@@ -118,12 +116,12 @@ static const char *enter(Model *m, double t, double delay, double step)
 {
     Ring r = ring_of(m);
     if (r.count == CAPACITY) {
-        if (m->semantics != TIME_DELAY) return too_long(m, delay, t, step);
+        if ((int)m->semantics != SEMANTICS_TIME_DELAY) return too_long(m, delay, t, step);
         ring_drop_oldest(&r);
         m->dropped = 1;
     }
     const double record[WIDTH] = {stamp_of(m, &r, t, delay), t, m->u[0], m->u[1], m->u[2], m->v[0], m->v[1], m->v[2]};
-    if (m->semantics == NEWEST_PACKET)
+    if ((int)m->semantics == SEMANTICS_NEWEST_PACKET)
         while (r.count > 1 && ring_at(&r, r.count - 1)[0] >= record[0]) r.count--;
     ring_insert(&r, record);
     keep(m, &r);
@@ -142,7 +140,7 @@ static void receive(Model *m, const Ring *r, int i, double target, double t)
 {
     const double *a = ring_at(r, i), *b = i + 1 < r->count ? ring_at(r, i + 1) : a;
     const double past = target - a[0], gap = b[0] - a[0];
-    if (m->interpolation != 2 || m->semantics > TRANSPORT_DELAY || past <= RING_SAME || gap <= RING_SAME) {
+    if ((int)m->interpolation != INTERPOLATION_LINEAR || (int)m->semantics > SEMANTICS_TRANSPORT_DELAY || past <= RING_SAME || gap <= RING_SAME) {
         present(m, a + 2, a[1], t);
         return;
     }
@@ -154,37 +152,34 @@ static void receive(Model *m, const Ring *r, int i, double target, double t)
 
 static const char *start(Model *m)
 {
-    memset(m->message, 0, sizeof m->message);
-    if (m->law != CONSTANT && m->law != RECORDED && m->delay_max < m->delay_min) {
-        snprintf((char *)m->message, sizeof m->message, "delay_max = %g s is outside [delay_min, inf) = [%g, inf)", m->delay_max, m->delay_min);
-        return (const char *)m->message;
+    if ((int)m->law != LAW_CONSTANT && (int)m->law != LAW_RECORDED && m->delay_max < m->delay_min) {
+        snprintf((char *)m->text, sizeof m->text, "delay_max = %g s is outside [delay_min, inf) = [%g, inf)", m->delay_max, m->delay_min);
+        return (const char *)m->text;
     }
-    if (m->law == RANDOM_WALK && m->delay_step > m->delay_max - m->delay_min) {
-        snprintf((char *)m->message, sizeof m->message, "delay_step = %g s is outside [0, %g]: [0, delay_max - delay_min]",
+    if ((int)m->law == LAW_RANDOM_WALK && m->delay_step > m->delay_max - m->delay_min) {
+        snprintf((char *)m->text, sizeof m->text, "delay_step = %g s is outside [0, %g]: [0, delay_max - delay_min]",
             m->delay_step, m->delay_max - m->delay_min);
-        return (const char *)m->message;
+        return (const char *)m->text;
     }
-    m->last_time = m->dropped = m->bad = m->sent = m->knot = m->head = m->count = m->lost = m->in_flight = 0;
     m->walk[0] = uniform_knot(m, 0);
     m->walk[1] = walk_on(m, m->walk[0], 0);
     /* u(t < 0) = u(0): the first input stands in the ring as received before */
-    const double record[WIDTH] = {-1e300, 0, m->u[0], m->u[1], m->u[2], m->v[0], m->v[1], m->v[2]};
+    const double t = m->origin, record[WIDTH] = {-1e300, t, m->u[0], m->u[1], m->u[2], m->v[0], m->v[1], m->v[2]};
     Ring r = ring_of(m);
     ring_insert(&r, record);
     keep(m, &r);
-    m->delay_now = m->law == RECORDED && !(m->delay >= 0) ? 0 : delay_at(m, 0);
-    m->started = 1;
-    const char *problem = enter(m, 0, m->delay_now, 0);
-    present(m, record + 2, 0, 0);
-    return problem;
+    m->delay_now = (int)m->law == LAW_RECORDED && !(m->delay >= 0) ? 0 : delay_at(m, t);
+    m->last_time = t;
+    present(m, record + 2, t, t);
+    return enter(m, t, m->delay_now, 0);
 }
 
 static const char *sample(Model *m, double t)
 {
     const double step = t - m->last_time, delay = delay_at(m, t);
     if (!(delay >= 0)) {
-        snprintf((char *)m->message, sizeof m->message, "delay = %g s at t = %g s is outside [0, inf)", delay, t);
-        return (const char *)m->message;
+        snprintf((char *)m->text, sizeof m->text, "delay = %g s at t = %g s is outside [0, inf)", delay, t);
+        return (const char *)m->text;
     }
     m->delay_now = delay;
     m->last_time = t;
@@ -193,11 +188,11 @@ static const char *sample(Model *m, double t)
         const char *problem = enter(m, t, delay, step);
         if (problem) return problem;
     }
-    const double target = m->semantics == TIME_DELAY ? t - delay : t;
+    const double target = (int)m->semantics == SEMANTICS_TIME_DELAY ? t - delay : t;
     Ring r = ring_of(m);
     if (m->dropped != 0 && target + RING_SAME < ring_at(&r, 0)[0]) return too_long(m, delay, t, step);
     const int i = ring_find(&r, target);
-    if (m->semantics != TIME_DELAY) {
+    if ((int)m->semantics != SEMANTICS_TIME_DELAY) {
         for (int k = 0; k < i; k++) ring_drop_oldest(&r);
         keep(m, &r);
         receive(m, &r, 0, target, t);
@@ -209,10 +204,9 @@ static const char *sample(Model *m, double t)
     return NULL;
 }
 
+/* What was received stands in the outputs since start() or sample(). */
 static void outputs(Model *m, double t)
 {
+    (void)m;
     (void)t;
-    if (m->started != 0) return;
-    memcpy(m->y, m->u, sizeof m->y); /* initialisation: the first input is what was always received */
-    memcpy(m->w, m->v, sizeof m->w);
 }

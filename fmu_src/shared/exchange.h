@@ -55,10 +55,10 @@ static inline Status completed_step(Instance *c, int *event) {
         before[i] = x[state_at[i]];
     }
     *event = 0;
-    c->s.model.step = c->s.time - c->s.completed;
-    if (!(c->s.model.step > 0.0)) {
+    if (!(c->s.time > c->s.completed)) {
         return OK;
     }
+    c->s.model.step = 0.0; /* the importer's solver answers for its own steps */
     c->s.completed = c->s.time;
     const char *refusal = sample(&c->s.model, c->s.time);
     if (refusal) {

@@ -138,7 +138,8 @@ static inline const char *joint_remember(Ring *ring, const double *record, doubl
     return NULL;
 }
 
-/* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do. */
+/* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do.
+ * `step` is the communication step, 0 in model exchange, where the importer's solver answers for its steps. */
 static inline const char *joint_check_step(const Joint *j, int number, double step, double internal_steps, char *text, size_t size)
 {
     const double h = step / internal_steps;

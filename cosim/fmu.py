@@ -66,8 +66,9 @@ def _recording(component: Component, scenario: Scenario) -> Path:
     wanted = [component.time, *component.columns]
     table = read_columns(path, wanted)
     time, values = table[:, 0], table[:, 1:] * component.scale
-    return recording_fmu(time, values, unit=component.unit or "1", fmi=scenario.experiment.fmi,
-                         interpolation=component.interpolation.value)  # fmt: skip
+    names = [f"y[{k}]" for k in range(1, values.shape[1] + 1)]
+    return recording_fmu(time, dict(zip(names, values.T, strict=True)), dict.fromkeys(names, component.unit or "1"),
+                         interpolation=component.interpolation.value, fmi=scenario.experiment.fmi)  # fmt: skip
 
 
 def read_columns(path: Path, names: Sequence[str]) -> np.ndarray:
@@ -264,6 +265,14 @@ class FmuSlave(Slave):
     def _wire_slopes(self) -> None:
         raise NotImplementedError
 
+    def slope_references(self):
+        """Value references that slopes are set by, as a ctypes array."""
+        raise NotImplementedError
+
+    def judge(self, status: int) -> bool:
+        """What the status of a doStep means: True to go on, False to end the run; RunError where it failed."""
+        raise NotImplementedError
+
     def _banks(self, verb: str, names: Sequence[str], array: np.ndarray) -> list[_Bank]:
         banks, first = [], 0
         kinds = [self._kind(self.description.variables[name].type) for name in names]
@@ -282,7 +291,7 @@ class FmuSlave(Slave):
         self.messages.clear()
         self.time = 0.0
         if not self.fresh:
-            self._check(self.function("Reset")(self.component), "reset")
+            self.check(self.function("Reset")(self.component), "reset")
         self.fresh = False
         for kind, names in _by_kind(values, self).items():
             self._set_values(kind, names, [values[name] for name in names])
@@ -300,7 +309,7 @@ class FmuSlave(Slave):
             raise self._error(f"refuses start values of {', '.join(names)}") from None
 
     def begin(self) -> None:
-        self._check(self.function("ExitInitializationMode")(self.component), "initialisation")
+        self.check(self.function("ExitInitializationMode")(self.component), "initialisation")
 
     def set(self) -> None:
         for bank in self.setters:
@@ -315,7 +324,8 @@ class FmuSlave(Slave):
             fmu, self.fmu = self.fmu, None
             fmu.freeInstance()
 
-    def _check(self, status: int, what: str) -> None:
+    def check(self, status: int, what: str) -> None:
+        """Raise RunError, with the FMU's own words, for a status above warning."""
         if status > 1:
             raise self._error(f"{what} failed ({_STATUS.get(status, status)})")
 
@@ -349,11 +359,11 @@ class _Bank:
         if not self.shared:
             self.buffer[:] = self.array
         if (status := self.call()) > 1:
-            slave._check(status, self.what)
+            slave.check(status, self.what)
 
     def get(self, slave: FmuSlave) -> None:
         if (status := self.call()) > 1:
-            slave._check(status, self.what)
+            slave.check(status, self.what)
         if not self.shared:
             self.array[:] = self.buffer
 
@@ -407,16 +417,22 @@ class Fmi2Slave(FmuSlave):
             function = self.function("SetRealInputDerivatives")
             orders = (ctypes.c_int * len(self.sloped))(*[1] * len(self.sloped))
             pointer = _pointer(self.slopes, ctypes.c_double)
-            call = _caller(function, self.component, self.references(self.sloped), len(self.sloped), orders, pointer)
+            call = _caller(function, self.component, self.slope_references(), len(self.sloped), orders, pointer)
             self.setters.append(_Bank(call, "set input derivatives", self.slopes, self.slopes))
+
+    def slope_references(self):
+        return self.references(self.sloped)
 
     def step(self, time: float, size: float) -> bool:
         self.time = time
-        status = self.function("DoStep")(self.component, time, size, 1)
+        going = self.judge(self.function("DoStep")(self.component, time, size, 1))
+        self.time = time + size
+        return going
+
+    def judge(self, status: int) -> bool:
         if status == 2:
             return self._discarded()
-        self._check(status, "step")
-        self.time = time + size
+        self.check(status, "step")
         return True
 
     def _discarded(self) -> bool:
@@ -494,8 +510,10 @@ class Fmi3Slave(FmuSlave):
 
     def _wire_slopes(self) -> None:
         if self.sloped:
-            references = (ctypes.c_uint * len(self.sloped))(*[self.description.variables[n].slope for n in self.sloped])
-            self.setters.append(self._bank_of("Set", "Float64", references, self.slopes, "set input derivatives"))
+            self.setters.append(self._bank_of("Set", "Float64", self.slope_references(), self.slopes, "set input derivatives"))
+
+    def slope_references(self):
+        return (ctypes.c_uint * len(self.sloped))(*[self.description.variables[n].slope for n in self.sloped])
 
     def step(self, time: float, size: float) -> bool:
         self.time = time
@@ -504,12 +522,15 @@ class Fmi3Slave(FmuSlave):
             self.component, time, size, True, ctypes.byref(event), ctypes.byref(terminate), ctypes.byref(early),
             ctypes.byref(self.reached),
         )  # fmt: skip
-        if status > 1:
-            self._check(status, "step" if status != 2 else f"step, at t = {self.reached.value:.9g} s,")
-        if early.value:
-            raise self._error(f"returned early, at t = {self.reached.value:.9g} s, though that was not allowed")
+        going = self.judge(status)
         self.time = time + size
-        return not terminate.value
+        return going
+
+    def judge(self, status: int) -> bool:
+        if self.flags[2].value:
+            raise self._error(f"returned early, at t = {self.reached.value:.9g} s, though that was not allowed")
+        self.check(status, "step" if status != 2 else f"step, at t = {self.reached.value:.9g} s,")
+        return not self.flags[1].value
 
 
 # --- a loaded system -----------------------------------------------------------------------------------------------------

@@ -1,0 +1,245 @@
+"""Execution of a schedule: what an executor gets and gives, and the plain one in Python, which is the readable reference.
+
+`cosim.compiled` runs the same schedule in C, with the same bits. Time is counted in whole steps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+from attrs import frozen
+
+from cosim.errors import RunError
+from cosim.outcome import Outcome
+from cosim.schedule import GetOutputs, Operation, Phase, Schedule, SetInputs, seconds
+from cosim.slave import Slave
+
+
+@frozen
+class Progress:
+    """How far a run is: steps done of all, simulated and wall-clock time [s]."""
+
+    done: int
+    total: int
+    simulated: float
+    wall: float
+
+    @property
+    def factor(self) -> float:
+        """Simulated seconds per second."""
+        return self.simulated / self.wall if self.wall > 0 else 0.0
+
+
+@frozen
+class Watch:
+    """When a run ends before its time: an output of `domain` (places in the store) below 1, or any value beyond `bound`."""
+
+    domain: tuple[int, ...]
+    bound: float
+
+
+@frozen
+class Job:
+    """What an executor gets: the schedule, its slaves (initialised), the store at t = 0, which of the recorded signals to
+    keep, in which rows, until when.
+
+    store: (2n,) current and previous outputs, filled; table: (rows, columns) to fill, row 0 included; columns: (columns,)
+    places among the n outputs; every: communication steps per row; steps: communication steps in all.
+    """
+
+    schedule: Schedule
+    slaves: Sequence[Slave]
+    store: np.ndarray
+    table: np.ndarray
+    columns: np.ndarray
+    every: int
+    steps: int
+    watch: Watch
+
+
+@frozen
+class Ending:
+    """How an execution ended: communication steps completed, outcome where it ended early, message, error."""
+
+    steps: int
+    outcome: Outcome | None = None
+    message: str = ""
+    failure: RunError | None = None
+    interrupted: bool = False
+
+
+class Executor(Protocol):
+    """Executes a job and returns how it ended. Never raises for what an FMU does, nor for Ctrl-C."""
+
+    def __call__(self, job: Job, progress: Callable[[Progress], None] | None) -> Ending: ...
+
+
+# --- the executor in Python ---------------------------------------------------------------------------------------------
+
+
+def execute(job: Job, progress: Callable[[Progress], None] | None = None) -> Ending:
+    """Run the schedule operation by operation (see `Executor`)."""
+    phases = [_Turn(phase, job) for phase in job.schedule.phases]
+    reporter = _Reporter(job, progress)
+    done = 0
+    with np.errstate(all="ignore"):
+        try:
+            ending = watched(job, 0)
+            keep(job, 0, job.columns)
+            while ending is None and done < job.steps:
+                turn = phases[done % len(phases)]
+                going = turn.act(done)
+                if (done + 1) % job.every == 0:
+                    keep(job, done + 1, turn.columns)
+                done += 1
+                ending = watched(job, done) if going else Ending(done, message="an FMU asked to end the run")
+                reporter.tell(done)
+        except RunError as error:
+            failure = blamed(job, error, done)
+            return Ending(done, Outcome.FAILED, str(failure), failure)
+        except KeyboardInterrupt:
+            return interrupted(done)
+    return ending or Ending(done)
+
+
+def interrupted(done: int) -> Ending:
+    """The ending of a run that Ctrl-C stopped."""
+    return Ending(done, Outcome.INCONCLUSIVE, "interrupted", interrupted=True)
+
+
+def keep(job: Job, done: int, columns: np.ndarray) -> None:
+    """Record the row of the communication point after `done` steps."""
+    job.store.take(columns, out=job.table[done // job.every], mode="clip")
+
+
+class _Turn:
+    """One phase with its operations bound to their slaves; `columns` are the places that its row is taken from."""
+
+    def __init__(self, phase: Phase, job: Job) -> None:
+        self.operations = [_bound(operation, job) for operation in phase.operations]
+        self.columns = phase.record.source[job.columns]
+
+    def act(self, done: int) -> bool:
+        """Carry out the operations of the step after `done` steps; False where an FMU asks to end."""
+        going = True
+        for operation in self.operations:
+            if operation(done) is False:
+                going = False
+        return going
+
+
+def _bound(operation: Operation, job: Job) -> Callable[[int], bool | None]:
+    slave = job.slaves[operation.component]
+    if isinstance(operation, SetInputs):
+        return _set(operation, slave, job.store)
+    if isinstance(operation, GetOutputs):
+        return _get(operation, slave, job)
+    step_ns = job.schedule.step_ns
+    size = seconds(operation.multiple, step_ns)
+    return lambda done: slave.step(done * step_ns / 1_000_000_000, size)
+
+
+def _set(operation: SetInputs, slave: Slave, store: np.ndarray) -> Callable[[int], None]:
+    inputs, slopes, hand_over = slave.inputs, slave.slopes, slave.set
+    source, line, newer, older = operation.source, operation.line, operation.newer, operation.older
+    weight, span = operation.weight, operation.span
+    inside = bool(np.any(weight))
+
+    def held(done: int) -> None:
+        store.take(source, out=inputs, mode="clip")
+        hand_over()
+
+    def lined(done: int) -> None:
+        store.take(source, out=inputs, mode="clip")
+        rise = store[newer] - store[older]
+        if inside:
+            inputs[line] += weight * rise
+        np.divide(rise, span, out=slopes)
+        hand_over()
+
+    return lined if len(line) else held
+
+
+def _get(operation: GetOutputs, slave: Slave, job: Job) -> Callable[[int], None]:
+    offset, count, n = job.schedule.offset[operation.component], job.schedule.count[operation.component], job.schedule.outputs
+    newest, older = job.store[offset : offset + count], job.store[n + offset : n + offset + count]
+
+    def get(done: int) -> None:
+        slave.get()
+        older[:] = newest
+        newest[:] = slave.outputs
+
+    return get
+
+
+def watched(job: Job, done: int) -> Ending | None:
+    """The ending where a value left its bounds: NaN or infinity, beyond the bound, an arm out of its domain; else None."""
+    values = job.store[: job.schedule.outputs]
+    bound = job.watch.bound
+    if not values @ values < bound * bound and not np.abs(values).max() <= bound:
+        return _out_of_bounds(job, done)
+    for place in job.watch.domain:
+        if values.item(place) < 1.0:
+            name = _name(job, place)[0]
+            at = seconds(done, job.schedule.step_ns)
+            return Ending(done, Outcome.DOMAIN_EXIT, f"{name} left the domain of its model at t = {at:.9g} s")
+    return None
+
+
+def _out_of_bounds(job: Job, done: int) -> Ending:
+    values = job.store[: job.schedule.outputs]
+    at = seconds(done, job.schedule.step_ns)
+    undefined = np.flatnonzero(~np.isfinite(values))
+    if len(undefined):
+        error = _not_finite(job, undefined, at)
+        return Ending(max(done - 1, 0), Outcome.FAILED, str(error), error)
+    component, index = _name(job, int(np.abs(values).argmax()))
+    names = job.slaves[job.schedule.components.index(component)].output_names
+    message = f"{component}.{names[index]} passed {job.watch.bound:g} at t = {at:.9g} s"
+    return Ending(done, Outcome.DIVERGED, message)
+
+
+def _not_finite(job: Job, places: np.ndarray, at: float) -> RunError:
+    """The error of the first component, in the order of stepping, whose output is not finite."""
+    order = [op.component for phase in job.schedule.phases for op in phase.operations if isinstance(op, GetOutputs)]
+    found = {_component(job, int(place)): int(place) for place in reversed(places)}
+    component = next(c for c in order if c in found)
+    slave = job.slaves[component]
+    variable = slave.output_names[found[component] - job.schedule.offset[component]]
+    return RunError(slave.name, at, f"the output is {job.store[found[component]]}", variable)
+
+
+def _component(job: Job, place: int) -> int:
+    return int(np.searchsorted(np.cumsum(job.schedule.count), place, side="right"))
+
+
+def _name(job: Job, place: int) -> tuple[str, int]:
+    """Component and number of the output at a place in the store."""
+    component = _component(job, place)
+    return job.schedule.components[component], place - job.schedule.offset[component]
+
+
+def blamed(job: Job, error: RunError, done: int) -> RunError:
+    """The error itself, or that of the FMU whose output was not finite when this one was asked to go on."""
+    undefined = np.flatnonzero(~np.isfinite(job.store[: job.schedule.outputs]))
+    return _not_finite(job, undefined, seconds(done + 1, job.schedule.step_ns)) if len(undefined) else error
+
+
+class _Reporter:
+    """Tells of the progress about five times a second."""
+
+    def __init__(self, job: Job, progress: Callable[[Progress], None] | None) -> None:
+        self.job, self.progress = job, progress
+        self.began = self.told = time.perf_counter()
+
+    def tell(self, done: int) -> None:
+        if self.progress is None or (done & 127 and done != self.job.steps):
+            return
+        now = time.perf_counter()
+        if now - self.told >= 0.2 or done == self.job.steps:
+            self.told = now
+            simulated = seconds(done, self.job.schedule.step_ns)
+            self.progress(Progress(done, self.job.steps, simulated, now - self.began))

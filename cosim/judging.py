@@ -1,0 +1,54 @@
+"""A run and its twin: the same scenario with a slightly different start, so that the growth of small disturbances shows."""
+
+from collections.abc import Callable, Sequence
+
+from attrs import evolve
+
+from cosim.execution import Progress
+from cosim.master import Result, System, run
+from cosim.outcome import Outcome
+from cosim.scenario import Scenario, with_parameters
+from cosim.stability.verdict import judge, perturbation
+from cosim.summary import Judged, number, tracking
+from cosim.wiring import Wiring
+
+
+
+def twin_of(wiring: Wiring) -> Scenario | None:
+    """The scenario with the start of every arm moved by 1e-6 rad/s (see cosim.stability.verdict); None without an arm."""
+    arms = {name: len(wiring.descriptions[name].elements("dq_start")) for name in wiring.scenario.components
+            if wiring.descriptions[name].elements("dq_start") and wiring.descriptions[name].elements("dq")}  # fmt: skip
+    if not arms:
+        return None
+    changes = perturbation(arms)
+    starts = {path: wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0) for path in changes}
+    return with_parameters(wiring.scenario, {path: starts[path] + change for path, change in changes.items()})
+
+
+def judged_run(
+    scenario: Scenario, system: System, progress: Callable[[Progress], None] | None = None,
+    record: Sequence[str] | None = None,
+) -> Judged:
+    """Run a scenario, and its twin unless the first run failed or was interrupted; both on the loaded FMUs."""
+    result = run(scenario, system, progress, record)
+    wiring = system.wiring(scenario)
+    plain = Judged(result, wiring, result.outcome, tracking=tracking(result), notes=wiring.notes,
+                   interrupted=result.interrupted)  # fmt: skip
+    twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
+    if twin is None:
+        return plain
+    return _with_verdict(plain, run(twin, system, progress, _rates(result)))
+
+
+def _rates(result: Result) -> list[str]:
+    """What the verdict reads of the twin: joint angles and rates, and whether a motor is at its limit."""
+    return [name for name in result.signals if name.rpartition(".")[2].split("[")[0] in ("q", "dq", "saturated")]
+
+
+def _with_verdict(plain: Judged, twin: Result) -> Judged:
+    if twin.interrupted or twin.outcome is Outcome.FAILED:
+        return evolve(plain, notes=plain.notes + (f"no verdict: the twin run ended early ({twin.message})",),
+                      interrupted=twin.interrupted)  # fmt: skip
+    verdict = judge(plain.result, twin)
+    interval = tuple(number(v) for v in verdict.interval)
+    return evolve(plain, outcome=verdict.outcome, growth_rate=number(verdict.growth_rate), interval=None if None in interval else interval)

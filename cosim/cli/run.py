@@ -1,0 +1,134 @@
+"""`cosim run`."""
+
+import sys
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+DEMONSTRATION = "sallam-stable"
+
+
+class Export(str, Enum):
+    """Further files of a result."""
+
+    CSV = "csv"
+    MAT = "mat"
+
+
+def command(
+    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
+    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")] = None,
+    out: Annotated[Optional[Path], typer.Option(help="folder for the results (default: results/SCENARIO)")] = None,
+    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    export: Annotated[Optional[list[Export]], typer.Option(help="also write result.csv or result.mat")] = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
+) -> None:
+    """One co-simulation: summary.json, result.h5, report.html."""
+    from cosim.fmu import open_system
+    from cosim.judging import judged_run
+
+    wiring = prepare(scenario, set_ or [], effects)
+    folder = out or Path("results") / wiring.scenario.name
+    folder.mkdir(parents=True, exist_ok=True)
+    with open_system(wiring.scenario) as system, meter(wiring.scenario.name) as progress:
+        judged = judged_run(wiring.scenario, system, progress)
+    _write(judged, folder, export or [], report)
+    print(_spoken(judged, folder))
+    if judged.result.failure is not None:
+        raise judged.result.failure
+    if judged.interrupted:
+        sys.exit(130)
+
+
+def prepare(name: str, overrides: list[str], effects: Path | None):
+    """The checked wiring of a scenario, FMUs built where they are missing; problems of the file and of the wiring together."""
+    from cosim.errors import InputError
+    from cosim.fmu import descriptions
+    from cosim.scenario import draft
+    from cosim.wiring import check
+
+    scenario, problems = draft(name, overrides, effects)
+    wiring, found = None, []
+    if scenario is not None:
+        try:
+            wiring, found = check(scenario, descriptions(scenario, _say))
+        except InputError as error:
+            found = list(error.problems)
+    if problems or wiring is None:
+        raise InputError([*problems, *(p for p in found if p not in problems)])
+    return wiring
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+class meter:
+    """A progress bar with the real-time factor on stderr, where that is a terminal; else nothing."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.bar, self.task, self.last = name, None, None, 0
+
+    def __enter__(self):
+        if not sys.stderr.isatty():
+            return None
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self.bar = Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[factor]}"), TimeRemainingColumn(),
+                            console=Console(stderr=True), transient=True)  # fmt: skip
+        self.bar.start()
+        return self.tell
+
+    def tell(self, progress) -> None:
+        """Show how far the run is; a run that begins anew is the twin."""
+        if self.task is None or progress.done < self.last:
+            label = self.name if self.task is None else f"{self.name}, twin for the growth rate"
+            if self.task is not None:
+                self.bar.remove_task(self.task)
+            self.task = self.bar.add_task(label, total=progress.total, factor="")
+        self.last = progress.done
+        self.bar.update(self.task, completed=progress.done, factor=f"{progress.factor:.3g} x real time")
+
+    def __exit__(self, *_) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+
+def _write(judged, folder: Path, exports: list[Export], report: bool) -> None:
+    """Every file of the run; summary.json last, so that it stands for a complete folder."""
+    import json
+
+    from cosim.results import export_csv, export_mat, write_h5
+    from cosim.summary import summary
+
+    write_h5(judged.result, folder / "result.h5")
+    for kind in exports:
+        (export_csv if kind is Export.CSV else export_mat)(judged.result, folder / f"result.{kind.value}")
+    if report:
+        from cosim.plots.run import run_report
+        from cosim.report import write_report
+
+        write_report(run_report(judged), folder / "report.html")
+    text = json.dumps(summary(judged), indent=2, ensure_ascii=False, allow_nan=False)
+    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _spoken(judged, folder: Path) -> str:
+    """The summary for the terminal."""
+    result, experiment = judged.result, judged.result.scenario.experiment
+    lines = [f"{result.scenario.name}: {judged.outcome.value}: {judged.outcome.advice}"]
+    if result.message:
+        lines.append(f"  {result.message}")
+    if judged.growth_rate is not None:
+        low, high = judged.interval or (float("nan"), float("nan"))
+        lines.append(f"  growth of small disturbances  {judged.growth_rate:+.4g} 1/s  (95 %: {low:+.4g} to {high:+.4g})")
+    if judged.tracking is not None:
+        lines.append(f"  tracking, RMS of |x_l - x_r|  {judged.tracking.total * 1e3:.4g} mm")
+    simulated = result.time[-1] if result.stopped_at is None else result.stopped_at
+    lines.append(f"  simulated                     {simulated:g} s in {result.wall_time:.2f} s, steps of {experiment.step * 1e3:g} ms, "
+                 f"{experiment.algorithm.value}, {experiment.extrapolation.value}")  # fmt: skip
+    lines.append(f"  written to                    {folder}")
+    return "\n".join(lines)

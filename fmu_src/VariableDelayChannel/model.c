@@ -97,11 +97,14 @@ static int is_lost(Model *m)
     return random_uniform(m->seed, STREAM_LOSS, k) < (m->bad != 0 ? m->loss_bad : m->loss_good);
 }
 
+/* Where a sample of time t stands in the ring (s). Arrivals are counted in nanoseconds, so that two packets due at the
+ * same time are equal whatever the rounding of t + d; of those the later sent counts as later. */
 static double stamp_of(const Model *m, const Ring *r, double t, double delay)
 {
+    const double arrival = floor((t + delay) * 1e9 + 0.5) * 1e-9;
     if ((int)m->semantics == SEMANTICS_TIME_DELAY) return t;
-    if ((int)m->semantics == SEMANTICS_TRANSPORT_DELAY && r->count > 0) return real_max(t + delay, ring_at(r, r->count - 1)[0]);
-    return t + delay;
+    if ((int)m->semantics == SEMANTICS_TRANSPORT_DELAY && r->count > 0) return real_max(arrival, ring_at(r, r->count - 1)[0]);
+    return arrival;
 }
 
 static const char *too_long(Model *m, double delay, double t, double step)

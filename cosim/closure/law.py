@@ -57,11 +57,12 @@ def injected(law: Law, run: Run, joint: int) -> np.ndarray:
 
 
 def _columns(q_ref: np.ndarray, q: np.ndarray, step: float, samples: int) -> np.ndarray:
-    return np.stack([q_ref - q, _difference(q_ref, step, samples), -_difference(q, step, samples), np.ones_like(q)], axis=1)
+    return np.stack([q_ref - q, difference(q_ref, step, samples), -difference(q, step, samples), np.ones_like(q)], axis=1)
 
 
-def _difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
-    past = np.concatenate([np.full(samples, x[0]), x[:-samples]])
+def difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
+    """D x_k = (x_k - x_{k-n}) / (n H) along the first axis; the signal rests before its first row."""
+    past = np.concatenate([np.repeat(x[:1], samples, axis=0), x[:-samples]])
     return (x - past) / (samples * step)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.closure.law import Law, find_law, injected
+from cosim.closure.law import Law, difference, find_law, injected
 from cosim.measured.recording import Recording, Run
 from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
 from cosim.signals import Signal
@@ -108,8 +108,10 @@ def _feed(run: Run, law: Law, joint: int) -> np.ndarray:
 
 def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
     """The recorded position and torque, and gains that give the drive's own inertia the frequency GUIDE, well damped."""
-    inertia = _inertia(parameters, joints)
-    return _Path(run, run.q, run.tau, tuple(GUIDE**2 * inertia), tuple(1.4 * GUIDE * inertia), 2, (0.0,) * joints, True)
+    inertia, samples = _inertia(parameters, joints), 2
+    damping = 1.4 * GUIDE * inertia
+    feed = run.tau + damping * difference(run.q, run.step, samples)
+    return _Path(run, run.q, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, (0.0,) * joints, True)
 
 
 def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:

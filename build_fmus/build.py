@@ -1,14 +1,12 @@
 """One FMU: table, sources, libraries, descriptions, zip, checks, cache."""
 
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from attrs import field, frozen
 
 from build_fmus.archive import zip_bytes
-from build_fmus.cache import builder_code, cache_folder, key_of, store
+from build_fmus.cache import builder_code, cache_folder, key_of, store, workspace
 from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
 from build_fmus.description import describe
 from build_fmus.documentation import index_html
@@ -23,7 +21,7 @@ Progress = Callable[[str], None]
 
 @frozen
 class Job:
-    """What to build: a table (with its start values), FMI version, platforms, further files for the sources folder."""
+    """What to build: a table (with its start values), FMI version, platforms, files that stand in for those of the model's folder."""
 
     table: Table
     fmi: int
@@ -34,6 +32,14 @@ class Job:
     @property
     def model(self) -> str:
         return self.table.model.name
+
+    @property
+    def readme(self) -> str:
+        return self.extra["README.md"].decode() if "README.md" in self.extra else readme_of(self.model)
+
+    @property
+    def code(self) -> dict[str, bytes]:
+        return {name: data for name, data in self.extra.items() if name != "README.md"}
 
 
 def fmu_path(model: str, fmi: int = 3, platforms: Sequence[str] | None = None, progress: Progress | None = None,
@@ -78,8 +84,8 @@ def _keep(path: Path, data: bytes) -> None:
     """Into the cache, if it is a valid FMU."""
     from build_fmus.validation import problems_of
 
-    with tempfile.TemporaryDirectory(prefix="build-fmus-") as folder:
-        candidate = Path(folder) / path.name
+    with workspace() as folder:
+        candidate = folder / path.name
         store(candidate, data)
         problems = problems_of(candidate)
     if problems:
@@ -89,7 +95,7 @@ def _keep(path: Path, data: bytes) -> None:
 
 def _source_files(job: Job) -> dict[str, bytes]:
     """Every file of the sources folder, the generated table included."""
-    files = model_files(job.model, job.fmi, job.extra)
+    files = model_files(job.model, job.fmi, job.code)
     token = token_of(job, files)
     return files | {GENERATED: header(job.table, token).encode()}
 
@@ -101,12 +107,12 @@ def token_of(job: Job, files: Mapping[str, bytes]) -> str:
 
 def header_token(job: Job) -> str:
     """Instantiation token of the FMU that the job would build."""
-    return token_of(job, model_files(job.model, job.fmi, job.extra))
+    return token_of(job, model_files(job.model, job.fmi, job.code))
 
 
 def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
     flags = [" ".join(compiler.flags(PLATFORMS[p])) for p in job.platforms]
-    readme = readme_of(job.model)
+    readme = job.readme
     parts = [x for name in sorted(sources) for x in (name, sources[name])]
     return key_of(str(job.fmi), str(job.level), compiler.identity, *flags, builder_code(), readme, licence(),
                   repr(job.table), *parts)[:24]
@@ -114,14 +120,11 @@ def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
 
 def _libraries(job: Job, sources: dict[str, bytes], compiler: Compiler, folder: Path) -> dict[str, bytes]:
     """{path in the FMU: bytes} of the shared libraries; a platform that FMI 2 cannot name has its sources only."""
-    work = Path(tempfile.mkdtemp(prefix="build-fmus-"))
-    try:
+    with workspace() as work:
         for name, data in sources.items():
             store(work / name, data)
         return dict(_library(job, name, work, compiler, folder) for name in job.platforms
                     if PLATFORMS[name].folder(job.fmi))
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def _library(job: Job, name: str, work: Path, compiler: Compiler, folder: Path) -> tuple[str, bytes]:
@@ -137,7 +140,7 @@ def _packed(job: Job, sources: dict[str, bytes]) -> dict[str, bytes]:
     token = token_of(job, {n: d for n, d in sources.items() if n != GENERATED})
     files = {
         "modelDescription.xml": describe(job.table, job.fmi, token).encode(),
-        "documentation/index.html": index_html(job.table, readme_of(job.model)).encode(),
+        "documentation/index.html": index_html(job.table, job.readme).encode(),
         "documentation/licenses/license.txt": licence(),
     }
     files |= {f"sources/{name}": data for name, data in sources.items()}

@@ -2,7 +2,10 @@
 
 import hashlib
 import os
+import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -11,23 +14,42 @@ from build_fmus.errors import BuildError
 
 def cache_folder() -> Path:
     """$COSIM_CACHE, else ~/.cache/haptic-cosim, else a folder of this user under the temporary folder."""
-    chosen = os.environ.get("COSIM_CACHE")
-    home = [Path(chosen)] if chosen else [Path.home() / ".cache" / "haptic-cosim"]
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    for folder in [*home, Path(tempfile.gettempdir()) / f"haptic-cosim-{user}"]:
-        if _writable(folder):
-            return folder
-    raise BuildError(f"no folder to build in: {home[0]} and {tempfile.gettempdir()} cannot be written; set COSIM_CACHE")
+    first = Path(os.environ.get("COSIM_CACHE") or os.path.expanduser("~/.cache/haptic-cosim"))
+    second = Path(tempfile.gettempdir()) / f"haptic-cosim-{user}"
+    if _writable(first):
+        return first
+    if _writable(second) and _mine(second):
+        return second
+    raise BuildError(f"no folder to build in: neither {first} nor {second} can be written; set COSIM_CACHE")
+
+
+def _mine(folder: Path) -> bool:
+    """Libraries that another user could have put under the temporary folder are not loaded."""
+    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
 
 
 def _writable(folder: Path) -> bool:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"x")
     except OSError:
         return False
     return True
+
+
+@contextmanager
+def workspace() -> Iterator[Path]:
+    """A temporary folder, gone afterwards. Raises BuildError where there is no room for one."""
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="build-fmus-"))
+    except OSError as error:
+        raise BuildError(f"no temporary folder to build in: {error}; set TMPDIR") from error
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def key_of(*parts: bytes | str) -> str:

@@ -90,15 +90,20 @@ def _from_environment(value: str) -> Compiler:
     return Compiler(command, f"{value} {hashlib.sha256(version.encode()).hexdigest()}", cross=cross)
 
 
+def _environment(cache: Path) -> dict[str, str]:
+    """Zig keeps what it makes of libc and of sources in our cache, unless the user has named another place."""
+    folders = {"ZIG_GLOBAL_CACHE_DIR": str(cache / "zig"), "ZIG_LOCAL_CACHE_DIR": str(cache / "zig-local")}
+    return folders | dict(os.environ)
+
+
 def compile_library(compiler: Compiler, chosen: Platform, sources: Path, main: str, library: Path, cache: Path,
                     extra: Sequence[str] = ()) -> None:
     """Compile the one file `main` of the folder `sources` into a shared library. Raises BuildError with the messages."""
     if not compiler.cross and chosen.name != this_platform():
         raise BuildError(f"CC compiles for this machine only, not for {chosen.name}; unset CC to compile with zig")
     command = [*compiler.command, *compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)]
-    environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache / "zig"), "ZIG_LOCAL_CACHE_DIR": str(cache / "zig-local")}
     try:
-        done = subprocess.run(command, cwd=sources, env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, cwd=sources, env=_environment(cache), capture_output=True, text=True, check=False)
     except OSError as error:
         raise BuildError(f"the compiler {compiler.command[0]} does not start: {error}") from error
     if done.returncode:

@@ -1,11 +1,9 @@
 """Shared libraries of fmu_src that are no FMUs (the compiled master loop, the batch kernel), compiled once per content."""
 
-import shutil
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from build_fmus.cache import cache_folder, key_of, store
+from build_fmus.cache import cache_folder, key_of, store, workspace
 from build_fmus.compiler import PLATFORMS, compile_library, find_compiler, this_platform
 from build_fmus.sources import source_root
 
@@ -22,11 +20,8 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
     key = key_of(compiler.identity, *compiler.flags(chosen), *flags, name, *parts)[:24]
     library = folder / "libraries" / key / f"{name}{chosen.suffix}"
     if not library.is_file():
-        work = Path(tempfile.mkdtemp(prefix="build-fmus-"))
-        try:
+        with workspace() as work:
             fresh = work / library.name
             compile_library(compiler, chosen, root, f"{name}/{name}.c", fresh, folder, ("-Ishared", *flags))
             store(library, fresh.read_bytes())
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
     return library

@@ -38,7 +38,11 @@ def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) 
     while waiting:
         folder, wanted = waiting.pop()
         name = Path(wanted).name
-        if name == GENERATED or (extra and name in extra):
+        if name == GENERATED:
+            continue
+        if extra and name in extra:
+            waiting += [(root / model, match.decode()) for match in INCLUDE.findall(extra[name]) if name not in files]
+            files[name] = INCLUDE.sub(_flat, extra[name])
             continue
         path = _resolve(wanted, [folder, *folders])
         if found.setdefault(name, path) != path:
@@ -47,7 +51,7 @@ def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) 
             data = path.read_bytes()
             files[name] = INCLUDE.sub(_flat, data)
             waiting += [(path.parent, match.decode()) for match in INCLUDE.findall(data)]
-    return files | dict(extra or {})
+    return files
 
 
 def _resolve(wanted: str, folders: list[Path]) -> Path:

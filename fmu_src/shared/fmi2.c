@@ -22,9 +22,16 @@
 
 static void log_fmi2(Instance *c, Status status, const char *category, const char *text) {
     fmi2CallbackLogger logger = (fmi2CallbackLogger)c->logger;
-    if (logger) {
-        logger(c->environment, c->name, (fmi2Status)status, category, "%s", text);
+    char plain[sizeof c->text];
+    if (!logger) {
+        return;
     }
+    /* The message is a format of printf, and the whole text is in it: importers in Python see no further arguments. */
+    (void)snprintf(plain, sizeof plain, "%s", text);
+    for (char *p = plain; *p; p++) {
+        *p = *p == '%' || *p == '#' ? ' ' : *p;
+    }
+    logger(c->environment, c->name, (fmi2Status)status, category, plain);
 }
 
 /* ---- life ---- */

@@ -241,7 +241,7 @@ static inline Status get_value(Instance *c, const char *function, unsigned refer
     }
     const Variable *v = &variables[reference];
     int computed = v->causality == OUTPUT || v->causality == LOCAL || v->causality == STATE;
-    if (computed && (c->s.stale_outputs | c->s.stale_derivatives) && (c->s.phase & (INITIALIZATION | RUNNING))) {
+    if (computed && (c->s.stale_outputs | c->s.stale_derivatives) && (c->s.phase & (INITIALIZATION | RUNNING | TERMINATED))) {
         int needs_derivatives = v->causality == LOCAL || v->derivative;
         Status status = refresh(c, needs_derivatives);
         if (status != OK) {

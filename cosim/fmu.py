@@ -23,7 +23,7 @@ from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.scenario import Component, Scenario
 from cosim.signals import Description, Unit, Variable
 from cosim.slave import Slave
-from cosim.wiring import Wiring, wire
+from cosim.wiring import Wiring, restarted, wire
 
 Progress = Callable[[str], None]
 _LOADING = threading.Lock()  # fmpy changes the working directory while it loads a library
@@ -43,7 +43,7 @@ def fmu_file(component: Component, scenario: Scenario, progress: Progress | None
         if component.fmu is not None:
             return (scenario.folder / component.fmu).resolve()
         if component.recording is not None:
-            return _recording(component, scenario)
+            return _recording(component, scenario, progress)
         return _model(component.model or "", scenario.experiment.fmi, progress)
     except BuildError as error:
         raise RunError(component.kind, None, f"cannot be built: {error}") from None
@@ -58,17 +58,16 @@ def _model(model: str, fmi: int, progress: Progress | None) -> Path:
     return fmu_path(model, fmi, progress=progress)
 
 
-def _recording(component: Component, scenario: Scenario) -> Path:
+def _recording(component: Component, scenario: Scenario, progress: Progress | None) -> Path:
     """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s]."""
     from build_fmus import recording_fmu
 
     path = scenario.folder / component.recording
     wanted = [component.time, *component.columns]
     table = read_columns(path, wanted)
-    time, values = table[:, 0], table[:, 1:] * component.scale
-    names = [f"y[{k}]" for k in range(1, values.shape[1] + 1)]
-    return recording_fmu(time, dict(zip(names, values.T, strict=True)), dict.fromkeys(names, component.unit or "1"),
-                         interpolation=component.interpolation.value, fmi=scenario.experiment.fmi)  # fmt: skip
+    columns = {name: table[:, i + 1] * component.scale for i, name in enumerate(component.columns)}
+    units = dict.fromkeys(columns, component.unit or "1")
+    return recording_fmu(table[:, 0], columns, units, component.interpolation.value, scenario.experiment.fmi, progress=progress)
 
 
 def read_columns(path: Path, names: Sequence[str]) -> np.ndarray:
@@ -556,7 +555,8 @@ class FmuSet:
     def wiring(self, scenario: Scenario) -> Wiring:
         """The checked wiring of a scenario; scenarios may differ from run to run in anything. Raises InputError."""
         if self.last is None or self.last.scenario != scenario or self.last.scenario.folder != scenario.folder:
-            self.last = _Wired(scenario, wire(scenario, descriptions(scenario, self.progress)))
+            wiring = restarted(self.last.wiring, scenario) if self.last else None
+            self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
         return self.last.wiring
 
     def slaves(self, wiring: Wiring) -> list[FmuSlave]:

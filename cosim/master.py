@@ -79,8 +79,9 @@ def run(
     """Simulate a scenario once.
 
     system: FMUs already loaded (default: loaded for this run); record: names of signals to keep, `arm_l.x` or `arm_l.x[1]`
-    (default: all); executor: who runs the schedule (default: the compiled loop). Raises InputError where the scenario does not fit its FMUs, RunError where one cannot be initialised;
-    what happens later is told by the result.
+    (default: all); executor: who runs the schedule (default: the compiled loop).
+    Raises InputError where the scenario does not fit its FMUs, RunError where one cannot be initialised; what happens later
+    is told by the result.
     """
     if system is None:
         from cosim.fmu import open_system
@@ -91,9 +92,10 @@ def run(
     wiring = system.wiring(scenario)
     slaves = system.slaves(wiring)
     store = initialise(wiring, slaves)
-    job = _job(wiring, slaves, store, record)
+    timetable = Timetable.of(wiring, record)
+    job = _job(timetable, slaves, store)
     ending = (executor or execute)(job, progress)
-    return _result(wiring, job, record, ending, time.perf_counter() - began)
+    return timetable.result(wiring, job.table, ending, time.perf_counter() - began)
 
 
 def initialise(wiring: Wiring, slaves: Sequence[Slave]) -> np.ndarray:
@@ -138,14 +140,55 @@ def _collect(schedule: Schedule, slaves: Sequence[Slave], store: np.ndarray) -> 
             store[offset : offset + count] = slave.outputs
 
 
-def _job(wiring: Wiring, slaves: Sequence[Slave], store: np.ndarray, record: Sequence[str] | None) -> Job:
-    experiment = wiring.scenario.experiment
-    signals = wiring.signals
-    columns = np.array([signals.index(name) for name in _recorded(signals, record)], dtype=np.int64)
-    rows = experiment.steps // experiment.record_every + 1
-    domain = tuple(i for i, name in enumerate(signals) if name.endswith(".domain"))
-    table = np.empty((rows, len(columns)))
-    return Job(wiring.schedule, slaves, store, table, columns, experiment.record_every, experiment.steps,
+@frozen
+class Timetable:
+    """Which signals a run keeps, and how its table becomes a result.
+
+    names: of the kept signals; columns: their places among all outputs.
+    """
+
+    wiring: Wiring
+    names: tuple[str, ...]
+    columns: np.ndarray = field(eq=False)
+
+    @classmethod
+    def of(cls, wiring: Wiring, record: Sequence[str] | None) -> Timetable:
+        """The signals chosen by `record` (None: all). Raises InputError for a name that fits none."""
+        names = _recorded(wiring.signals, record)
+        place = {name: i for i, name in enumerate(wiring.signals)}
+        return cls(wiring, tuple(names), np.array([place[name] for name in names], dtype=np.int64))
+
+    @property
+    def rows(self) -> int:
+        """Rows of a whole run."""
+        experiment = self.wiring.scenario.experiment
+        return experiment.steps // experiment.record_every + 1
+
+    def result(self, wiring: Wiring, table: np.ndarray, ending: Ending, wall: float) -> Result:
+        """The result of a run of `wiring`, which may differ from the timetable's in start values: table (rows, names)."""
+        experiment = wiring.scenario.experiment
+        rows = ending.steps // experiment.record_every + 1
+        early = ending.steps < experiment.steps
+        return Result(
+            wiring.scenario, ending.outcome or Outcome.BOUNDED,
+            np.arange(rows) * experiment.record_every * experiment.step_ns / 1_000_000_000,
+            {name: table[:rows, column] for column, name in enumerate(self.names)},
+            {name: wiring.units[name] for name in self.names},
+            seconds(ending.steps, experiment.step_ns) if early else None,
+            ending.message, wall, _identities(wiring), ending.failure, ending.interrupted,
+        )  # fmt: skip
+
+
+def _identities(wiring: Wiring) -> tuple[Identity, ...]:
+    found = ((name, wiring.descriptions[name]) for name in wiring.scenario.components)
+    return tuple(Identity(name, d.model, d.fmi, d.path, d.sha256) for name, d in found)
+
+
+def _job(timetable: Timetable, slaves: Sequence[Slave], store: np.ndarray) -> Job:
+    wiring, experiment = timetable.wiring, timetable.wiring.scenario.experiment
+    domain = tuple(i for i, name in enumerate(wiring.signals) if name.endswith(".domain"))
+    table = np.empty((timetable.rows, len(timetable.names)))
+    return Job(wiring.schedule, slaves, store, table, timetable.columns, experiment.record_every, experiment.steps,
                Watch(domain, experiment.bound))  # fmt: skip
 
 
@@ -159,22 +202,3 @@ def _recorded(signals: Sequence[str], record: Sequence[str] | None) -> list[str]
     if strangers:
         raise InputError([Problem("record", "a signal of the scenario", repr(n), did_you_mean(n, stems)) for n in strangers])
     return [name for name in signals if name in wanted or stem(name) in wanted]
-
-
-def _result(wiring: Wiring, job: Job, record: Sequence[str] | None, ending: Ending, wall: float) -> Result:
-    rows = ending.steps // job.every + 1
-    names = _recorded(wiring.signals, record)
-    table = job.table[:rows]
-    early = ending.steps < job.steps
-    fmus = tuple(
-        Identity(name, d.model, d.fmi, d.path, d.sha256)
-        for name, d in ((name, wiring.descriptions[name]) for name in wiring.scenario.components)
-    )
-    return Result(
-        wiring.scenario, ending.outcome or Outcome.BOUNDED,
-        np.arange(rows) * job.every * job.schedule.step_ns / 1_000_000_000,
-        {name: table[:, column] for column, name in enumerate(names)},
-        {name: wiring.units[name] for name in names},
-        seconds(ending.steps, job.schedule.step_ns) if early else None,
-        ending.message, wall, fmus, ending.failure, ending.interrupted,
-    )  # fmt: skip

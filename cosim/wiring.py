@@ -3,8 +3,9 @@
 import math
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from functools import cached_property
 
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario import Algorithm, Connection, Extrapolation, Scenario, start_values
@@ -91,12 +92,12 @@ class Wiring:
         """The component's outputs, in the order in which they are read: real ones first."""
         return _outputs(self.descriptions[component])
 
-    @property
+    @cached_property
     def signals(self) -> list[str]:
         """Names of all outputs, `arm_l.q[1]`, in the order of the store."""
         return [f"{name}.{output}" for name in self.scenario.components for output in self.outputs(name)]
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
         """Unit of every output."""
         return {f"{name}.{output}": self.descriptions[name].variables[output].unit.name
@@ -109,6 +110,31 @@ def wire(scenario: Scenario, descriptions: Mapping[str, Description]) -> Wiring:
     if problems:
         raise InputError(problems)
     return wiring
+
+
+def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
+    """The wiring of a scenario that differs in start values only, without wiring anew; None where it differs in more.
+
+    Raises InputError for values that do not fit.
+    """
+    if not _same_structure(wiring.scenario, scenario):
+        return None
+    problems: list[Problem] = []
+    old = wiring.scenario.components
+    starts = {name: wiring.starts[name] if component == old[name] else _starts(scenario, name, wiring.descriptions[name], problems)
+              for name, component in scenario.components.items()}  # fmt: skip
+    if problems:
+        raise InputError(problems)
+    return evolve(wiring, scenario=scenario, starts=starts)
+
+
+def _same_structure(one: Scenario, other: Scenario) -> bool:
+    if (one.connections, one.experiment, one.teleoperation, one.folder) != (
+        other.connections, other.experiment, other.teleoperation, other.folder,
+    ) or list(one.components) != list(other.components):  # fmt: skip
+        return False
+    pairs = zip(one.components.values(), other.components.values())
+    return all(a == b or evolve(a, parameters={}, parameter_set=None) == evolve(b, parameters={}, parameter_set=None) for a, b in pairs)
 
 
 def check(scenario: Scenario, descriptions: Mapping[str, Description]) -> tuple[Wiring | None, list[Problem]]:
@@ -405,8 +431,6 @@ def _feedthrough(links: list[Link], descriptions) -> dict[str, set[str]]:
 
 def _timed(wiring: Wiring) -> Wiring:
     """The wiring with its schedule and with the age of every connection, direction and local path."""
-    from attrs import evolve
-
     scenario, names = wiring.scenario, list(wiring.scenario.components)
     units = _units(wiring)
     order = [names.index(name) for name in wiring.order]

@@ -67,7 +67,7 @@ typedef struct {
     int64_t linear;              /* CHANNEL: interpolation */
     const double *const *series; /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES] values [n + 1][n_outputs] */
     const int64_t *series_step;  /* [LANES] 1, or 0 where the series is one constant row */
-    double *history;             /* CHANNEL: [capacity][6][LANES] */
+    double *history;             /* CHANNEL: [capacity][n_inputs][LANES], wired inputs only */
     double *stamps;              /* CHANNEL: [capacity] */
     int64_t capacity;            /* a power of two, above the longest delay in steps + 4 */
 } Component;
@@ -215,13 +215,16 @@ static void enter(Lane *a, const Component *c, double stamp, double offset)
 {
     const int64_t slot = a->head++ & (c->capacity - 1);
     c->stamps[slot] = stamp;
-    for (int i = 0; i < 6; i++) keep(c->history + (slot * 6 + i) * LANES, a->inputs[i] + a->slopes[i] * offset);
+    for (int64_t k = 0; k < c->n_inputs; k++) {
+        const int64_t i = c->inputs[k];
+        keep(c->history + (slot * c->n_inputs + k) * LANES, a->inputs[i] + a->slopes[i] * offset);
+    }
 }
 
-/* Record k of the samples entered, for one lane. */
-static inline double past(const Component *c, int64_t k, int i, int lane)
+/* Record k of the samples entered: wired input i, for one lane. */
+static inline double past(const Component *c, int64_t k, int64_t i, int lane)
 {
-    return c->history[((k & (c->capacity - 1)) * 6 + i) * LANES + lane];
+    return c->history[((k & (c->capacity - 1)) * c->n_inputs + i) * LANES + lane];
 }
 
 static inline double stamp(const Component *c, int64_t k) { return c->stamps[k & (c->capacity - 1)]; }
@@ -248,9 +251,9 @@ static void channel_step(Lane *a, const Component *c, int64_t done, double t, do
         const double late = target - stamp(c, k), gap = k < newest ? stamp(c, k + 1) - stamp(c, k) : 0.0;
         const int between = c->linear && late > SAME && gap > SAME;
         const double part = between ? late / gap : 0.0;
-        for (int i = 0; i < 6; i++) {
+        for (int64_t i = 0; i < c->n_inputs; i++) {
             const double left = past(c, k, i, lane);
-            LANE(a->outputs[i], lane) = between ? left + part * (past(c, k + 1, i, lane) - left) : left;
+            LANE(a->outputs[c->inputs[i]], lane) = between ? left + part * (past(c, k + 1, i, lane) - left) : left;
         }
     }
 }

@@ -1,0 +1,447 @@
+"""The batch kernel: many scenarios of the built-in loop at once, in the vector lanes of fmu_src/kernel/kernel.c.
+
+It runs the same schedule on the same physics source as the FMUs and gives their bits, without FMI. It applies to arms
+without effects, P-like controllers, channels with the semantics `time_delay` and no loss, and components that nothing is
+wired into (an operator that does not feel the arm): their signals, and the delays of every law but the constant one, are
+computed beforehand by the FMUs themselves. `refusal` says why it does not apply; then the co-simulation does.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from ctypes import POINTER, c_double, c_int64, c_void_p
+from functools import cache
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.execution import Ending
+from cosim.master import Result, Timetable, run
+from cosim.outcome import Outcome
+from cosim.schedule import GetOutputs, SetInputs, Step, seconds
+from cosim.signals import index_of, stem
+from cosim.wiring import Wiring
+
+_ARM, _CONTROLLER, _CHANNEL, _SERIES = range(4)
+_KINDS = {"PhantomArm": _ARM, "PLikeController": _CONTROLLER, "VariableDelayChannel": _CHANNEL}
+_INPUTS = {
+    _ARM: ("tau", "f", "f_command", "x_ref"), _CONTROLLER: ("x_ref", "x", "dx", "q_ref", "q", "dq"),
+    _CHANNEL: ("u", "v"), _SERIES: (),
+}  # fmt: skip
+_OUTPUTS = {
+    _ARM: {"q": 0, "dq": 3, "x": 6, "dx": 9, "x_tip": 6, "dx_tip": 9}, _CONTROLLER: {"f": 0, "tau": 3},
+    _CHANNEL: {"y": 0, "w": 3},
+}  # fmt: skip
+_ARM_VECTORS = {"viscous": 10, "coulomb": 13, "coulomb_velocity": 16, "stiffness": 19, "damping": 22, "q_start": 25, "dq_start": 28}
+_ARM_PARAMETERS = {"pi", "gravity_compensation", "mounting", "internal_steps", "workspace_limits", *_ARM_VECTORS}
+_CONTROLLER_VECTORS = {"stiffness": 0, "damping": 3, "joint_stiffness": 6, "joint_damping": 9}
+_NUMBERS = {_ARM: 31, _CONTROLLER: 13, _CHANNEL: 0, _SERIES: 0}
+_CHANNEL_NEUTRAL = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
+_MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
+
+
+class _Operation(ctypes.Structure):
+    _fields_ = [
+        ("kind", c_int64), ("component", c_int64), ("n_source", c_int64), ("n_line", c_int64), ("inside", c_int64),
+        ("source", c_void_p), ("line", c_void_p), ("newer", c_void_p), ("older", c_void_p), ("weight", c_void_p),
+        ("span", c_void_p), ("size", c_double),
+    ]  # fmt: skip
+
+
+class _Phase(ctypes.Structure):
+    _fields_ = [("operations", c_void_p), ("n_operations", c_int64), ("columns", c_void_p)]
+
+
+class _Component(ctypes.Structure):
+    _fields_ = [
+        ("kind", c_int64), ("n_inputs", c_int64), ("n_outputs", c_int64), ("inputs", c_void_p), ("outputs", c_void_p),
+        ("places", c_void_p), ("numbers", c_void_p), ("internal_steps", c_int64), ("workspace", c_int64),
+        ("impedance", c_int64), ("viscous", c_int64), ("coulomb", c_int64), ("linear", c_int64), ("series", c_void_p),
+        ("series_step", c_void_p), ("history", c_void_p), ("stamps", c_void_p), ("capacity", c_int64),
+    ]  # fmt: skip
+
+
+class _Job(ctypes.Structure):
+    _fields_ = [
+        ("components", c_void_p), ("n_components", c_int64), ("phases", c_void_p), ("n_phases", c_int64),
+        ("store", c_void_p), ("n_places", c_int64), ("table", c_void_p), ("rows", c_int64), ("n_columns", c_int64),
+        ("every", c_int64), ("steps", c_int64), ("step_ns", c_double), ("bound", c_double), ("ended", c_void_p),
+        ("outcome", c_void_p), ("work", c_void_p),
+    ]  # fmt: skip
+
+
+def _vector_flags() -> tuple[str, ...]:
+    """Lanes and processor level of this machine, for the compiler (bits do not depend on them)."""
+    from build_fmus.compiler import this_platform
+    from numpy._core._multiarray_umath import __cpu_features__ as has
+
+    fast = ("-O3", "-fno-math-errno")
+    if not this_platform().startswith("x86_64"):
+        return (*fast, "-DREAL_LANES=2")
+    if has.get("AVX512F") and has.get("AVX512_SKX"):
+        return (*fast, "-DREAL_LANES=8", "-march=x86_64_v4")
+    if has.get("AVX2") and has.get("FMA3"):
+        return (*fast, "-DREAL_LANES=4", "-march=x86_64_v3")
+    return (*fast, "-DREAL_LANES=2")
+
+
+@cache
+def _library():
+    from build_fmus.library import library_path
+
+    library = ctypes.CDLL(str(library_path("kernel", _vector_flags())))
+    library.run.argtypes = [POINTER(_Job), c_void_p]
+    library.run.restype = None
+    library.lanes.restype = library.lane_size.restype = c_int64
+    return library
+
+
+def lanes() -> int:
+    """How many scenarios one call runs at once on this machine."""
+    return int(_library().lanes())
+
+
+# --- does it apply? --------------------------------------------------------------------------------------------------------
+
+
+def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
+    """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
+    parts = [_Part.of(wiring, name) for name in wiring.scenario.components]
+    places = _Places.of(wiring, parts)
+    for part in parts:
+        if (reason := _unfit(part, wiring)) is not None:
+            return f"{part.name}: {reason}"
+    for link in wiring.links:
+        if str(link.source) not in places.number:
+            return f"{link.source} is wired, which the kernel does not compute"
+    stems = {stem(name) for name in places.number}
+    missing = [name for name in record if name not in places.number and name not in stems]
+    return f"{missing[0]} is to be recorded, which the kernel does not compute" if missing else None
+
+
+def _unfit(part: _Part, wiring: Wiring) -> str | None:
+    if part.kind == _SERIES and part.inputs:
+        return f"{part.model} feels what is wired into it"
+    if part.kind == _SERIES:
+        return None
+    strange = [v for v in part.inputs if stem(v) not in _INPUTS[part.kind]]
+    if strange:
+        return f"its input {strange[0]} is wired"
+    if wiring.scenario.components[part.name].step_multiple != 1:
+        return "it has a step multiple"
+    return _PARAMETERS[part.kind](part)
+
+
+def _arm_parameters(part: _Part) -> str | None:
+    return _changed(part, {n: v for n, v in part.starts.items() if stem(n) not in _ARM_PARAMETERS})
+
+
+def _channel_parameters(part: _Part) -> str | None:
+    law = part.number("law")
+    if part.description.variables["law"].items[int(law) - 1] == "recorded":
+        return "its delay is recorded"
+    other = {name: part.number(name) for name in _CHANNEL_NEUTRAL if name in part.description.variables}
+    wrong = [name for name, value in other.items() if value != _CHANNEL_NEUTRAL[name]]
+    return f"its {wrong[0]} is not that of a plain time delay" if wrong else None
+
+
+def _changed(part: _Part, values) -> str | None:
+    variables = part.description.variables
+    for name, value in values.items():
+        if value != variables[name].start:
+            return f"its {name} is {value!r}"
+    return None
+
+
+_PARAMETERS = {_ARM: _arm_parameters, _CONTROLLER: lambda part: None, _CHANNEL: _channel_parameters}
+
+
+# --- a scenario as the kernel sees it ------------------------------------------------------------------------------------------
+
+
+@frozen
+class _Part:
+    """A component: what it is, which of its inputs are wired, start values."""
+
+    name: str
+    model: str
+    kind: int
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    starts: dict
+    description: object
+
+    @classmethod
+    def of(cls, wiring: Wiring, name: str) -> _Part:
+        model = wiring.scenario.components[name].model or ""
+        inputs = tuple(wiring.inputs(name))
+        return cls(name, model or "a foreign FMU", _KINDS.get(model, _SERIES), inputs, tuple(wiring.outputs(name)),
+                   dict(wiring.starts[name]), wiring.descriptions[name])  # fmt: skip
+
+    def number(self, name: str) -> float:
+        """Start value of a scalar variable."""
+        return float(self.starts.get(name, self.description.variables[name].start or 0.0))
+
+    def vector(self, name: str, size: int = 3) -> list[float]:
+        return [self.number(f"{name}[{i + 1}]") for i in range(size)]
+
+    def computed(self) -> list[tuple[str, int]]:
+        """Outputs that the kernel has, with their numbers."""
+        if self.kind == _SERIES:
+            return [(name, i) for i, name in enumerate(self.outputs)]
+        known = _OUTPUTS[self.kind]
+        return [(name, known[stem(name)] + index_of(name) - 1) for name in self.outputs if stem(name) in known]
+
+
+@frozen
+class _Places:
+    """Where the kernel's outputs lie: `number` by signal name, `at` by place in the schedule's store (-1: not computed)."""
+
+    number: dict
+    at: np.ndarray = field(eq=False)
+
+    @classmethod
+    def of(cls, wiring: Wiring, parts: Sequence[_Part]) -> _Places:
+        names = [f"{part.name}.{output}" for part in parts for output, _ in part.computed()]
+        number = {name: i for i, name in enumerate(names)}
+        return cls(number, np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64))
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def mapped(self, places: np.ndarray) -> np.ndarray:
+        """Places in the schedule's store [2n] as places in the kernel's."""
+        n = len(self.at)
+        return self.at[places % n] + (places // n) * len(self)
+
+
+# --- running -------------------------------------------------------------------------------------------------------------
+
+
+def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1) -> list[Result]:
+    """The results of many scenarios that differ in parameters only, in their order.
+
+    wirings: of scenarios with the same components, connections and experiment, each of which `refusal` accepts; record:
+    signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
+    """
+    batches = _batches(wirings)
+    feed = _Feed()
+    tasks = [[_Setting.of(wirings[i], feed) for i in batch] for batch in batches]
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        found = list(pool.map(lambda settings: _run_lanes(settings, record), tasks))
+    results: list[Result | None] = [None] * len(wirings)
+    for batch, outcomes in zip(batches, found):
+        for i, result in zip(batch, outcomes):
+            results[i] = result
+    return results
+
+
+def _batches(wirings: Sequence[Wiring]) -> list[list[int]]:
+    """Indices of scenarios that share what all lanes must share, as many as there are lanes."""
+    alike = defaultdict(list)
+    for i, wiring in enumerate(wirings):
+        alike[_shared(wiring)].append(i)
+    width = lanes()
+    return [group[k : k + width] for group in alike.values() for k in range(0, len(group), width)]
+
+
+def _shared(wiring: Wiring) -> tuple:
+    names = ("internal_steps", "workspace_limits", "interpolation")
+    parts = [_Part.of(wiring, name) for name in wiring.scenario.components]
+    return tuple(part.number(name) for part in parts for name in names if name in part.description.variables)
+
+
+class _Feed:
+    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once."""
+
+    def __init__(self) -> None:
+        self.known: dict = {}
+
+    def values(self, wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
+        """(steps + 1, outputs) values of a component's outputs at every communication point, alone in its own run."""
+        experiment = wiring.scenario.experiment
+        key = (part.model, part.description.sha256, tuple(sorted(part.starts.items())), experiment.steps, experiment.step_ns, tuple(outputs))
+        if key not in self.known:
+            self.known[key] = _alone(wiring, part, outputs)
+        return self.known[key]
+
+
+def _alone(wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
+    component = wiring.scenario.components[part.name]
+    alone = evolve(
+        wiring.scenario, components={part.name: evolve(component, parameters=dict(part.starts), parameter_set=None)},
+        connections=(), experiment=evolve(wiring.scenario.experiment, record_every=1, order=()),
+    )  # fmt: skip
+    result = run(alone, record=[f"{part.name}.{name}" for name in outputs])
+    if result.failure is not None:
+        raise result.failure
+    return np.ascontiguousarray(np.column_stack([result.signals[f"{part.name}.{name}"] for name in outputs]))
+
+
+@frozen
+class _Setting:
+    """A lane: a wiring, its parts, and for each part its numbers or its series."""
+
+    wiring: Wiring
+    parts: tuple[_Part, ...]
+    numbers: tuple[np.ndarray, ...] = field(eq=False)
+    series: tuple[np.ndarray | None, ...] = field(eq=False)
+
+    @classmethod
+    def of(cls, wiring: Wiring, feed: _Feed) -> _Setting:
+        parts = tuple(_Part.of(wiring, name) for name in wiring.scenario.components)
+        return cls(wiring, parts, tuple(_numbers(p) for p in parts), tuple(_series(wiring, p, feed) for p in parts))
+
+
+def _numbers(part: _Part) -> np.ndarray:
+    """Per-lane numbers of kernel.c's Component, in its order."""
+    numbers = np.zeros(_NUMBERS[part.kind])
+    if part.kind == _ARM:
+        pi = np.array(part.vector("pi", 8))
+        pi[6:] *= -1.0 if part.number("mounting") == 2 else 1.0
+        numbers[:8], numbers[8:10] = pi, pi[6:] if part.number("gravity_compensation") else 0.0
+    if part.kind == _CONTROLLER:
+        numbers[12] = part.number("space") == 1
+    for name, at in {_ARM: _ARM_VECTORS, _CONTROLLER: _CONTROLLER_VECTORS}.get(part.kind, {}).items():
+        numbers[at : at + 3] = part.vector(name)
+    return numbers
+
+
+def _series(wiring: Wiring, part: _Part, feed: _Feed) -> np.ndarray | None:
+    if part.kind == _SERIES:
+        return feed.values(wiring, part, part.outputs)
+    if part.kind != _CHANNEL:
+        return None
+    if part.description.variables["law"].items[int(part.number("law")) - 1] == "constant":
+        return np.array([[part.number("delay_mean")]])
+    unwired = evolve(part, inputs=())
+    return feed.values(wiring, unwired, ("delay_now",))
+
+
+def _run_lanes(settings: Sequence[_Setting], record: Sequence[str]) -> list[Result]:
+    began = time.perf_counter()
+    call = _Call(settings, record)
+    _library().run(ctypes.byref(call.job), call.sources)
+    wall = (time.perf_counter() - began) / len(settings)
+    return [call.result(lane, wall) for lane in range(len(settings))]
+
+
+class _Call:
+    """One call of the kernel: C's layout of up to `lanes()` settings, and the arrays that must outlive the call.
+
+    Lanes that are left over repeat the last setting; their results are not looked at.
+    """
+
+    def __init__(self, settings: Sequence[_Setting], record: Sequence[str]) -> None:
+        self.settings, self.width = settings, lanes()
+        self.filled = list(settings) + [settings[-1]] * (self.width - len(settings))
+        self.wiring, self.parts = settings[0].wiring, settings[0].parts
+        self.places = _Places.of(self.wiring, self.parts)
+        self.experiment = self.wiring.scenario.experiment
+        self.timetable = Timetable.of(self.wiring, record)
+        self.kept: list[object] = []
+        self.rows = self.experiment.steps // self.experiment.record_every + 1
+        self.table = np.zeros((self.width, self.rows, len(self.timetable.names)))
+        self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
+        self.job = self._job()
+        self.sources = self._pointers([self._sources(part) for part in self.parts])
+
+    def _job(self) -> _Job:
+        schedule, n = self.wiring.schedule, len(self.places)
+        components = (_Component * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
+        phases = (_Phase * len(schedule.phases))(*[self._phase(phase) for phase in schedule.phases])
+        work = self._array(np.zeros(len(self.parts) * int(_library().lane_size()) + 64, np.uint8))
+        return _Job(
+            self._kept(components), len(self.parts), self._kept(phases), len(phases), self._array(np.zeros(2 * n * self.width)),
+            n, self._array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,
+            schedule.step_ns, self.experiment.bound, self._array(self.ended), self._array(self.outcome), (work + 63) // 64 * 64,
+        )  # fmt: skip
+
+    def _component(self, i: int) -> _Component:
+        part = self.parts[i]
+        computed = part.computed()
+        inputs = [3 * _INPUTS[part.kind].index(stem(v)) + index_of(v) - 1 for v in part.inputs]
+        numbers = np.column_stack([setting.numbers[i] for setting in self.filled])
+        native = _Component(
+            kind=part.kind, n_inputs=len(inputs), n_outputs=len(computed), inputs=self._indices(inputs),
+            outputs=self._indices([number for _, number in computed]),
+            places=self._indices([self.places.number[f"{part.name}.{name}"] for name, _ in computed]),
+            numbers=self._array(np.ascontiguousarray(numbers)),
+        )  # fmt: skip
+        if part.kind == _ARM:
+            native.internal_steps, native.workspace = int(part.number("internal_steps")), int(part.number("workspace_limits"))
+            native.viscous, native.coulomb = int(np.any(numbers[10:13])), int(np.any(numbers[13:16]))
+            native.impedance = int(np.any(numbers[19:25]))
+        if part.kind in (_CHANNEL, _SERIES):
+            self._give_series(native, i)
+        if part.kind == _CHANNEL:
+            self._give_history(native, i)
+        return native
+
+    def _give_series(self, native: _Component, i: int) -> None:
+        series = [setting.series[i] for setting in self.filled]
+        native.series = self._pointers([self._array(values) for values in series])
+        native.series_step = self._indices([int(len(values) > 1) for values in series])
+
+    def _give_history(self, native: _Component, i: int) -> None:
+        longest = max(float(setting.series[i].max()) for setting in self.filled)
+        steps = int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns))
+        if steps > _MOST_STEPS:
+            from cosim.errors import RunError
+
+            raise RunError(self.parts[i].name, None, f"a delay of {longest:g} s does not fit the channel's buffer")
+        native.capacity = 1 << (steps + 4).bit_length()
+        native.history = self._array(np.zeros((native.capacity, max(1, native.n_inputs), self.width)))
+        native.stamps = self._array(np.zeros(native.capacity))
+        native.linear = int(self.parts[i].number("interpolation") == 2)
+
+    def _phase(self, phase) -> _Phase:
+        operations = (_Operation * len(phase.operations))(*[self._operation(o) for o in phase.operations])
+        columns = self._indices(self.places.mapped(phase.record.source[self.timetable.columns]))
+        return _Phase(self._kept(operations), len(phase.operations), columns)
+
+    def _operation(self, o) -> _Operation:
+        if isinstance(o, Step):
+            return _Operation(kind=1, component=o.component, size=seconds(o.multiple, self.wiring.schedule.step_ns))
+        if isinstance(o, GetOutputs):
+            return _Operation(kind=2, component=o.component)
+        assert isinstance(o, SetInputs)
+        return _Operation(
+            kind=0, component=o.component, n_source=len(o.source), n_line=len(o.line), inside=int(bool(np.any(o.weight))),
+            source=self._indices(self.places.mapped(o.source)), line=self._indices(o.line),
+            newer=self._indices(self.places.mapped(o.newer)), older=self._indices(self.places.mapped(o.older)),
+            weight=self._array(o.weight), span=self._array(o.span),
+        )  # fmt: skip
+
+    def _sources(self, part: _Part) -> int:
+        source = {str(link.target): str(link.source) for link in self.wiring.links}
+        return self._indices([self.places.number[source[f"{part.name}.{v}"]] for v in part.inputs])
+
+    def result(self, lane: int, wall: float) -> Result:
+        """The result of a lane, worded as the co-simulation would."""
+        ended, steps = int(self.ended[lane]), self.experiment.steps
+        outcome = (None, Outcome.DIVERGED, Outcome.DOMAIN_EXIT)[self.outcome[lane]]
+        at = seconds(ended, self.wiring.schedule.step_ns)
+        message = {Outcome.DIVERGED: f"a value passed {self.experiment.bound:g} at t = {at:.9g} s",
+                   Outcome.DOMAIN_EXIT: f"an arm left the domain of its model at t = {at:.9g} s"}.get(outcome, "")  # fmt: skip
+        return self.timetable.result(self.settings[lane].wiring, self.table[lane], Ending(min(ended, steps), outcome, message), wall)
+
+    # --- arrays that C sees
+
+    def _kept(self, array: ctypes.Array) -> int:
+        self.kept.append(array)
+        return ctypes.addressof(array)
+
+    def _array(self, array: np.ndarray) -> int:
+        self.kept.append(array)
+        return array.ctypes.data
+
+    def _indices(self, values) -> int:
+        return self._array(np.ascontiguousarray(values, dtype=np.int64))
+
+    def _pointers(self, addresses: Sequence[int]) -> int:
+        return self._array(np.array(addresses, dtype=np.uintp))

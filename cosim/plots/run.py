@@ -6,7 +6,7 @@ from cosim.master import Result
 from cosim.outcome import Outcome
 from cosim.plots.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, figure, to_svg
 from cosim.plots.wiring import block_diagram, milliseconds
-from cosim.report import Figure, Report, Section, Table
+from cosim.report import Figure, Report, Section, Table, cell
 from cosim.results import provenance
 from cosim.signals import grouped, stem
 from cosim.summary import Judged, limit_time
@@ -60,7 +60,7 @@ def _found(judged: Judged) -> Section:
         ("effects added", ", ".join(result.scenario.effects) or None),
     ]
     text = result.scenario.description
-    return Section("What was found", text, tables=[Table(("", ""), [row for row in rows if row[1] is not None])])
+    return Section("What was found", text, tables=[Table(("", ""), [(name, cell(value)) for name, value in rows if value is not None])])
 
 
 def _tracking_rows(judged: Judged) -> list[tuple[str, object]]:
@@ -123,7 +123,7 @@ def _tips(result: Result) -> str:
         plot.plot(time, x_l[:, axis] * 1e3, color=BLUE, label=local)
         plot.plot(time, x_r[:, axis] * 1e3, color=ORANGE, linestyle=(0, (4, 2)), label=remote)
         plot.set_ylabel(f"{name} [mm]")
-    axes[0, 0].legend(loc="upper right", ncols=2)
+    _legend(axes[0, 0], 2)
     axes[3, 0].plot(time, np.linalg.norm(x_l - x_r, axis=1) * 1e3, color=BLACK)
     axes[3, 0].set_ylabel("|x_l − x_r| [mm]")
     _share_time(axes[:, 0])
@@ -174,7 +174,7 @@ def _delays(result: Result) -> Section | None:
                 values = result.signals[f"{channel}.{name}"][rows]
                 plot.plot(result.time[rows], values, color=colour, label=label, linewidth=1.0, zorder=2 if name == "age" else 3)
         plot.set_ylabel(f"{channel} [s]")
-    axes[0, 0].legend(loc="upper right", ncols=2)
+    _legend(axes[0, 0], 2)
     _share_time(axes[:, 0])
     return Section("Delays", "", figures=[Figure(to_svg(fig), "Delays of the channels.")])
 
@@ -197,9 +197,14 @@ def _stack(result: Result, names: list[str], unit: str) -> str:
         plot.set_title(name)
         plot.set_ylabel(unit.replace(".", "·"))
     if len(grouped(result.signals)[names[0]]) > 1:
-        axes[0, 0].legend(loc="upper right", ncols=3)
+        _legend(axes[0, 0], 3)
     _share_time(axes[:, 0])
     return to_svg(fig)
+
+
+def _legend(plot, columns: int) -> None:
+    """A legend above the panel, at its right end."""
+    plot.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=columns)
 
 
 def _share_time(axes) -> None:

@@ -235,7 +235,9 @@ def _line(path: str) -> str:
 def _text(wire: Wire, x: float, y: float, anchor: str) -> str:
     """Names above the wire; below it what the master's stepping adds."""
     names = ", ".join(dict.fromkeys(wire.labels))
-    names = names if len(names) <= 20 else names[:19] + "…"
+    if len(names) > 18:
+        names = ", ".join(dict.fromkeys(label.partition(" →")[0] for label in wire.labels))
+    names = names if len(names) <= 18 else names[:17] + "…"
     style = f'text-anchor="{anchor}" font-size="10.5" paint-order="stroke" stroke="#fff" stroke-width="3"'
     full = f"<title>{escape(f'{wire.source} to {wire.target}: ' + ', '.join(wire.labels))}</title>"
     text = f'<text x="{x:g}" y="{y:g}" {style} fill="{_INK}">{full}{escape(names)}</text>'

@@ -41,6 +41,7 @@ _ARM_PARAMETERS = {"pi", "gravity_compensation", "mounting", "internal_steps", "
 _CONTROLLER_VECTORS = {"stiffness": 0, "damping": 3, "joint_stiffness": 6, "joint_damping": 9}
 _NUMBERS = {_ARM: 31, _CONTROLLER: 13, _CHANNEL: 0, _SERIES: 0}
 _CHANNEL_NEUTRAL = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
+_MOST_OUTPUTS = 12  # of a series
 _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
 
 
@@ -60,7 +61,7 @@ class _Component(ctypes.Structure):
     _fields_ = [
         ("kind", c_int64), ("n_inputs", c_int64), ("n_outputs", c_int64), ("inputs", c_void_p), ("outputs", c_void_p),
         ("places", c_void_p), ("numbers", c_void_p), ("internal_steps", c_int64), ("workspace", c_int64),
-        ("impedance", c_int64), ("viscous", c_int64), ("coulomb", c_int64), ("linear", c_int64), ("series", c_void_p),
+        ("impedance", c_int64), ("viscous", c_int64), ("coulomb", c_int64), ("linear", c_int64), ("series", c_void_p), ("n_series", c_int64),
         ("series_step", c_void_p), ("history", c_void_p), ("stamps", c_void_p), ("capacity", c_int64),
     ]  # fmt: skip
 
@@ -111,7 +112,7 @@ def lanes() -> int:
 def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
     parts = [_Part.of(wiring, name) for name in wiring.scenario.components]
-    places = _Places.of(wiring, parts)
+    places = _Places.of(wiring, parts, record)
     for part in parts:
         if (reason := _unfit(part, wiring)) is not None:
             return f"{part.name}: {reason}"
@@ -127,7 +128,7 @@ def _unfit(part: _Part, wiring: Wiring) -> str | None:
     if part.kind == _SERIES and part.inputs:
         return f"{part.model} feels what is wired into it"
     if part.kind == _SERIES:
-        return None
+        return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
     strange = [v for v in part.inputs if stem(v) not in _INPUTS[part.kind]]
     if strange:
         return f"its input {strange[0]} is wired"
@@ -205,8 +206,11 @@ class _Places:
     at: np.ndarray = field(eq=False)
 
     @classmethod
-    def of(cls, wiring: Wiring, parts: Sequence[_Part]) -> _Places:
-        names = [f"{part.name}.{output}" for part in parts for output, _ in part.computed()]
+    def of(cls, wiring: Wiring, parts: Sequence[_Part], record: Sequence[str] = ()) -> _Places:
+        """Places for the outputs that are wired or recorded, as far as the kernel computes them."""
+        wanted = {str(link.source) for link in wiring.links} | set(record)
+        computed = [f"{part.name}.{output}" for part in parts for output, _ in part.computed()]
+        names = [name for name in computed if name in wanted or stem(name) in wanted]
         number = {name: i for i, name in enumerate(names)}
         return cls(number, np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64))
 
@@ -340,7 +344,7 @@ class _Call:
         self.settings, self.width = settings, lanes()
         self.filled = list(settings) + [settings[-1]] * (self.width - len(settings))
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
-        self.places = _Places.of(self.wiring, self.parts)
+        self.places = _Places.of(self.wiring, self.parts, record)
         self.experiment = self.wiring.scenario.experiment
         self.timetable = Timetable.of(self.wiring, record)
         self.kept: list[object] = []
@@ -363,13 +367,14 @@ class _Call:
 
     def _component(self, i: int) -> _Component:
         part = self.parts[i]
-        computed = part.computed()
+        computed = [(f"{part.name}.{name}", number) for name, number in part.computed()]
+        computed = [(name, number) for name, number in computed if name in self.places.number]
         inputs = [3 * _INPUTS[part.kind].index(stem(v)) + index_of(v) - 1 for v in part.inputs]
         numbers = np.column_stack([setting.numbers[i] for setting in self.filled])
         native = _Component(
             kind=part.kind, n_inputs=len(inputs), n_outputs=len(computed), inputs=self._indices(inputs),
             outputs=self._indices([number for _, number in computed]),
-            places=self._indices([self.places.number[f"{part.name}.{name}"] for name, _ in computed]),
+            places=self._indices([self.places.number[name] for name, _ in computed]),
             numbers=self._array(np.ascontiguousarray(numbers)),
         )  # fmt: skip
         if part.kind == _ARM:
@@ -385,6 +390,7 @@ class _Call:
     def _give_series(self, native: _Component, i: int) -> None:
         series = [setting.series[i] for setting in self.filled]
         native.series = self._pointers([self._array(values) for values in series])
+        native.n_series = series[0].shape[1]
         native.series_step = self._indices([int(len(values) > 1) for values in series])
 
     def _give_history(self, native: _Component, i: int) -> None:

@@ -50,7 +50,7 @@ typedef struct {
 /* ARM         in: tau 0-2, f 3-5, f_command 6-8, x_ref 9-11      out: q 0-2, dq 3-5, x 6-8, dx 9-11 */
 /* CONTROLLER  in: x_ref 0-2, x 3-5, dx 6-8, q_ref 9-11, q 12-14, dq 15-17   out: f 0-2, tau 3-5 */
 /* CHANNEL     in: u 0-2, v 3-5                                   out: y 0-2, w 3-5 */
-/* SERIES      in: none                                           out: as many as the series has columns */
+/* SERIES      in: none                                           out: the columns of the series, MAX_OUTPUTS at most */
 
 /* A component. All per-lane numbers are [number][LANES] doubles; NULL where the kind has none. */
 typedef struct {
@@ -65,7 +65,8 @@ typedef struct {
     int64_t internal_steps;      /* ARM */
     int64_t workspace, impedance, viscous, coulomb; /* ARM: whether any lane has it (workspace: all or none) */
     int64_t linear;              /* CHANNEL: interpolation */
-    const double *const *series; /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES] values [n + 1][n_outputs] */
+    const double *const *series; /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES] values [n + 1][n_series] */
+    int64_t n_series;            /* SERIES: numbers in a row */
     const int64_t *series_step;  /* [LANES] 1, or 0 where the series is one constant row */
     double *history;             /* CHANNEL: [capacity][n_inputs][LANES], wired inputs only */
     double *stamps;              /* CHANNEL: [capacity] */
@@ -269,8 +270,8 @@ static void channel_start(Lane *a, const Component *c)
 static void series_outputs(Lane *a, const Component *c, int64_t row)
 {
     for (int lane = 0; lane < LANES; lane++)
-        for (int64_t i = 0; i < c->n_outputs; i++)
-            LANE(a->outputs[i], lane) = c->series[lane][row * c->series_step[lane] * c->n_outputs + i];
+        for (int64_t i = 0; i < c->n_series; i++)
+            LANE(a->outputs[i], lane) = c->series[lane][row * c->series_step[lane] * c->n_series + i];
 }
 
 /* --- the schedule -------------------------------------------------------------------------------------------------- */
@@ -280,7 +281,7 @@ static void get_outputs(const Lane *a, const Component *c, const Job *job)
     for (int64_t i = 0; i < c->n_outputs; i++) {
         double *newest = job->store + c->places[i] * LANES;
         memcpy(newest + job->n_places * LANES, newest, sizeof(real));
-        keep(newest, a->outputs[c->kind == SERIES ? i : c->outputs[i]]);
+        keep(newest, a->outputs[c->outputs[i]]);
     }
 }
 

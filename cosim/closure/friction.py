@@ -23,7 +23,11 @@ _FORMS = {
 }
 
 
+FORMS = ("algebraic", "tanh", "atan")
+"""Forms that have a width."""
+
+
 def laws(top_speed: float) -> tuple[Law, ...]:
     """Laws to choose from, widths up to a tenth of the top speed [rad/s]."""
     widths = np.geomspace(0.003, 0.12, 7) * top_speed
-    return (Law("sign", 0.0), *(Law(form, float(w)) for form in ("algebraic", "tanh", "atan") for w in widths))
+    return (Law("sign", 0.0), *(Law(form, float(w)) for form in FORMS for w in widths))

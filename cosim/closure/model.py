@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from attrs import define, evolve, field, frozen
 
-from cosim.closure.friction import Law, laws
+from cosim.closure.friction import FORMS, Law, laws
 from cosim.closure.gram import Fit, Gram, accumulate, fit
 from cosim.closure.setting import Setting
 from cosim.effects import Effect, Scene
@@ -22,7 +22,7 @@ class Choice:
 
     @property
     def key(self) -> tuple[str, tuple[int, ...]]:
-        return self.effect.name, self.joints
+        return self.effect.key, self.joints
 
 
 @define(eq=False)
@@ -84,7 +84,7 @@ class Model:
     @cached_property
     def gram(self) -> Gram:
         rows = self.setting.rows
-        return accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks)
+        return accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks, self.setting.shrunk)
 
     @cached_property
     def fit(self) -> Fit:
@@ -123,6 +123,7 @@ class Model:
         scene = Scene(
             motion=m, device=s.device, sign=sign, rigid=rigid, friction=friction, prediction=rigid + friction, viscous=viscous,
             coulomb=coulomb, rigid_torque=self._rigid(beta, pi), pi=pi, declared=s.declared_pi is not None, gravity=s.gravity,
+            units=s.units,
         )  # fmt: skip
         extra = np.zeros_like(rigid)
         for number, choice in enumerate(self.choices):
@@ -194,7 +195,7 @@ def with_choices(model: Model, choices: tuple[Choice, ...], passes: int = 1) -> 
 
 def _columns(model: Model, choice: Choice, scene: Scene) -> dict[int, np.ndarray]:
     laws_used = tuple(model.laws[j] for j in range(model.setting.joints))
-    key = (choice.effect.name, choice.joints, choice.theta, laws_used)
+    key = (choice.effect.key, choice.joints, choice.theta, laws_used)
     if choice.effect.dynamic:
         return filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, choice.theta))
     if key not in model._cache:
@@ -220,19 +221,26 @@ def _reweighted(model: Model) -> Model:
 
 
 def _best_laws(model: Model) -> Model:
-
+    """Each joint's friction law in turn, the others held: the best of the coarse choices, then its width refined."""
     top = np.percentile(np.abs(model.setting.motion.dq), 99, axis=0)
-    p, nj = len(model.setting.names), model.setting.joints
-    for j in range(nj):
-        options = {}
-        for law in laws(float(top[j])):
-            column = model.setting.sign(j, law) if (j, law) not in model._cache else model._cache[j, law]
-            model._cache[j, law] = column
-            options[law] = _swap_error(model, p + nj + j, j, column)
-        best = min(options, key=options.get)
-        if options[best] < _swap_error(model, p + nj + j, j, model.sign(j)):
+    for j in range(model.setting.joints):
+        error = {model.laws[j]: _law_error(model, j, model.laws[j])}
+        error |= {law: _law_error(model, j, law) for law in laws(float(top[j])) if law not in error}
+        for factor in (1.35, 1.16, 1.08, 1.04):
+            close = [min((w for w in error if w.form == form and w.width > 0), key=error.get) for form in FORMS]
+            for law in (evolve(law, width=law.width * f) for law in close for f in (factor, 1 / factor)):
+                error[law] = _law_error(model, j, law)
+        best = min(error, key=error.get)
+        if best != model.laws[j]:
             model = evolve_model(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
     return model
+
+
+def _law_error(model: Model, joint: int, law: Law) -> float:
+    if (joint, law) not in model._cache:
+        model._cache[joint, law] = model.setting.sign(joint, law)
+    place = len(model.setting.names) + model.setting.joints + joint
+    return _swap_error(model, place, joint, model._cache[joint, law])
 
 
 def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> float:
@@ -243,7 +251,7 @@ def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> flo
     flat, y = x.reshape(-1, x.shape[2]), model.y[:, train].ravel()
     g, h = flat.T @ flat, flat.T @ y
     scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
-    beta = np.linalg.solve(g * scale[:, None] * scale + 1e-10 * np.eye(len(g)), h * scale) * scale
+    beta = np.linalg.solve(g * scale[:, None] * scale + np.diag(model.fit.penalty), h * scale) * scale
     return float(y @ y - 2 * h @ beta + beta @ g @ beta)
 
 

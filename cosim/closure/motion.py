@@ -16,8 +16,8 @@ MOST_BLOCKS = 60  # of the fitted rows
 class Motion:
     """Signals of all runs below each other, n rows at the full rate, nj joints. SI.
 
-    time (n,), run (n,) number of the run, test (n,) held out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as
-    recorded; regressor (n, p), rigid (n,), other name -> (n,); velocity_noise (nj,) standard deviation of dq from encoder noise.
+    time (n,), run (n,) number of the run, test (n,) held out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw, q_raw (n, nj)
+    as recorded; regressor (n, p), rigid (n,), other name -> (n,); velocity_noise (nj,) standard deviation of dq from encoder noise.
     """
 
     step: float
@@ -32,6 +32,7 @@ class Motion:
     ddq: np.ndarray
     tau: np.ndarray
     tau_raw: np.ndarray
+    q_raw: np.ndarray
     q_ref: np.ndarray | None
     force: np.ndarray | None
     regressor: np.ndarray | None
@@ -89,7 +90,7 @@ def prepare(recording: Recording, widths: Widths | None = None) -> Motion:
         run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]), test=stacked(lambda run: run.test),
         q=np.concatenate([p[0] for p in parts]), dq=np.concatenate([p[1] for p in parts]),
         ddq=np.concatenate([p[2] for p in parts]), tau=np.concatenate([p[3] for p in parts]),
-        tau_raw=stacked(lambda run: run.tau), q_ref=stacked(lambda run: run.q_ref), force=stacked(lambda run: run.force),
+        tau_raw=stacked(lambda run: run.tau), q_raw=stacked(lambda run: run.q), q_ref=stacked(lambda run: run.q_ref), force=stacked(lambda run: run.force),
         regressor=stacked(lambda run: run.regressor), rigid=stacked(lambda run: run.rigid),
         other={name: np.concatenate([run.other[name] for run in runs]) for name in runs[0].other},
         velocity_noise=noise * np.sqrt(step / (4 * np.sqrt(np.pi) * first**3)),

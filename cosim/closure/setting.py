@@ -1,5 +1,7 @@
 """The regression problem of a recording: what is predicted, the columns of the complete model, the rows that count."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from attrs import evolve, frozen
 
@@ -30,10 +32,17 @@ class Setting:
     declared_pi: np.ndarray | None
     gravity: float
     labels: tuple[str, ...]
+    units: Mapping[str, str]
 
     @property
     def joints(self) -> int:
         return self.motion.joints
+
+    @property
+    def shrunk(self) -> int:
+        """Number of leading columns that are too many for the fitted blocks (fewer than ten blocks each): given ones only."""
+        given = len(self.names) - ("inertia" in self.names) if self.device == "regressor" else 0
+        return given if self.rows.train_blocks < 10 * given else 0
 
     def sign(self, joint: int, law: Law) -> np.ndarray:
         """K F of the joint's smooth sign (m,)."""
@@ -52,7 +61,7 @@ def pose(recording: Recording, motion: Motion, rows: Rows) -> Setting:
     return Setting(
         device=recording.device, motion=motion, rows=rows, names=names, full=full, known=known, linear=linear,
         viscous=rows.filtered(motion.dq, False).T, y=target.T, slope=rows.filtered(motion.rate(motion.tau), False).T,
-        use=rows.moving.T.copy(), declared_pi=declared, gravity=gravity, labels=recording.joints,
+        use=rows.moving.T.copy(), declared_pi=declared, gravity=gravity, labels=recording.joints, units=description.columns.other,
     )  # fmt: skip
 
 
@@ -79,10 +88,22 @@ def _axis(motion: Motion, description, declared):
 
 
 def _regressor(motion: Motion, description, declared):
+    """Given columns, and the joint's own inertia where they cannot make it: rotors are seldom in a regressor of the links."""
     n = len(motion.time)
     columns = np.zeros((n, 0)) if motion.regressor is None else motion.regressor
     known = np.zeros((n, 1)) if motion.rigid is None else motion.rigid[:, None]
-    return tuple(description.columns.regressor), columns[:, None, :], known
+    names = tuple(description.columns.regressor)
+    if _new(motion.ddq, columns):
+        columns, names = np.concatenate([columns, motion.ddq], axis=1), (*names, "inertia")
+    return names, columns[:, None, :], known
+
+
+def _new(column: np.ndarray, columns: np.ndarray) -> bool:
+    """Whether less than 99 % of a column (n, 1) lies within the others."""
+    if columns.shape[1] == 0:
+        return True
+    left = column - columns @ np.linalg.lstsq(columns, column, rcond=1e-8)[0]
+    return float((left**2).sum()) > 0.01 * float((column**2).sum())
 
 
 _COLUMNS = {"phantom": _phantom, "axis": _axis, "regressor": _regressor}

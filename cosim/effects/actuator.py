@@ -54,6 +54,9 @@ class TimeDelay(Effect):
         step = scene.motion.step
         return tuple((float(d),) for d in np.geomspace(2 * step, max(60 * step, 0.06), 8))
 
+    def continuous(self, theta):
+        return (0,)
+
     def columns(self, scene, joints, theta):
         p = scene.prediction[:, joints]
         return {joints[0]: (scene.motion.advanced(p, theta[0]) - p) / theta[0]}
@@ -113,6 +116,7 @@ class TorqueSaturation(Effect):
     """Commands beyond a limit are not delivered."""
 
     name = "torque_saturation"
+    measured = True
     actuator = True
     title = "torque saturation"
     equation = "tau = clip(u, -L, L), so u = p + (u - clip(u, -L, L))"
@@ -123,6 +127,9 @@ class TorqueSaturation(Effect):
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
         return tuple((float(x),) for x in np.unique(np.percentile(u, (50, 60, 68, 75, 80, 84, 87, 90, 92, 94, 96, 97, 98, 99))))
+
+    def continuous(self, theta):
+        return (0,)
 
     def columns(self, scene, joints, theta):
         u = scene.motion.tau_raw[:, joints]
@@ -145,6 +152,7 @@ class TorqueDeadband(Effect):
     """Small commands are not delivered."""
 
     name = "torque_deadband"
+    measured = True
     actuator = True
     title = "dead band of the torque"
     equation = "tau = u - clip(u, -d, d), so u = p + clip(u, -d, d)"
@@ -155,6 +163,9 @@ class TorqueDeadband(Effect):
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
         return tuple((float(x),) for x in np.geomspace(0.02, 0.6, 9) * np.percentile(u, 90))
+
+    def continuous(self, theta):
+        return (0,)
 
     def columns(self, scene, joints, theta):
         u = scene.motion.tau_raw[:, joints]

@@ -81,9 +81,15 @@ class Effect(ABC):
     unit: str = "N.m"
     sharp: bool = True  # columns jump with the motion and need the filter K as well
     dynamic: bool = False  # columns are formed from the model's own prediction and change with it
+    measured: bool = False  # columns are formed from the measured torque: they explain a part of it by themselves
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
     aliases: tuple[Alias, ...] = ()
     needs: str = ""  # what the data must hold
+
+    @property
+    def key(self) -> str:
+        """What tells this effect from all others."""
+        return self.name
 
     def joint_sets(self, scene: Scene) -> tuple[tuple[int, ...], ...]:
         """Sets of joints (0-based) on which the effect is looked for; one coefficient set each."""
@@ -104,6 +110,14 @@ class Effect(ABC):
     def theta_labels(self, joints: tuple[int, ...]) -> tuple[str, ...]:
         """FMU parameter that each nonlinear parameter is."""
         return ()
+
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
+        """Which nonlinear parameters are continuous and may be refined; none by default."""
+        return ()
+
+    def moved(self, theta: Theta, index: int, step: float) -> Theta:
+        """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
+        return (*theta[:index], theta[index] * (1 + step), *theta[index + 1 :])
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
         """FMU parameters of an estimate."""

@@ -6,17 +6,21 @@ from cosim.effects.effect import Alias, Effect, Estimate, per_joint
 
 
 class LoadFriction(Effect):
-    """Gear or capstan friction: a share of the motor's torque."""
+    """Gear or capstan friction: a share of the motor's torque.
+
+    The load is the torque that the model predicts: of the measured one |tau| s(dq) is the torque itself wherever friction prevails.
+    """
 
     name = "load_friction"
     title = "load-dependent friction"
     equation = "tau += c |tau| s(dq), c > 0"
     source = "Hamon, Gautier, Garrec, Janot 2010, AIM; capstan equation for cables"
     unit = "1"
+    dynamic = True
     aliases = (Alias("position_friction", "the same angles under another load"),)
 
     def columns(self, scene, joints, theta):
-        return {joints[0]: np.abs(scene.motion.tau[:, joints]) * scene.sign[:, joints]}
+        return {joints[0]: np.abs(scene.prediction[:, joints]) * scene.sign[:, joints]}
 
     def labels(self, joints, theta):
         return (per_joint("load_friction", joints),)

@@ -90,6 +90,12 @@ class TorqueRipple(Effect):
         orders = np.arange(lowest, highest, step)
         return tuple((float(n),) for n in orders[:160])
 
+    def continuous(self, theta):
+        return (0,)
+
+    def moved(self, theta, index, step):
+        return (theta[0] + 4 * step,)
+
     def columns(self, scene, joints, theta):
         q = scene.motion.q[:, joints]
         return {joints[0]: np.concatenate((np.sin(theta[0] * q), np.cos(theta[0] * q)), axis=1)}
@@ -118,6 +124,9 @@ class Hysteresis(Effect):
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         return tuple((float(x),) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
+
+    def continuous(self, theta):
+        return (0,)
 
     def columns(self, scene, joints, theta):
         return {joints[0]: dahl(scene.motion, joints[0], theta[0])[:, None]}

@@ -84,6 +84,9 @@ class Stribeck(Effect):
         speeds = np.geomspace(max(1.5 * low, 0.02 * high), 0.7 * high, 9)
         return tuple((float(v), d) for v in speeds for d in (2.0, 1.0))
 
+    def continuous(self, theta):
+        return (0,)
+
     def columns(self, scene, joints, theta):
         speed, exponent = theta
         ratio = np.abs(scene.motion.dq[:, joints]) / speed

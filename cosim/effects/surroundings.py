@@ -1,8 +1,22 @@
 """Effects of time and of the outside: friction drift, undeclared contact, coupling between joints."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+
+_PLACES: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def _tip(motion) -> tuple[np.ndarray, np.ndarray]:
+    """Tip position (n, 3) [m] and Jacobian (n, 3, 3) along the motion, formed once."""
+    if motion not in _PLACES:
+        from cosim.arm.kinematics import forward, jacobian
+
+        _PLACES[motion] = forward(motion.q), jacobian(motion.q)
+    return _PLACES[motion]
+
 
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
@@ -52,24 +66,29 @@ class ExternalContact(Effect):
         return ((0, 1, 2),) if scene.device == "phantom" else ()
 
     def grid(self, scene: Scene, joints) -> tuple[Theta, ...]:
-        from cosim.arm.kinematics import forward
-
-        x = forward(scene.motion.q[::10])
+        x, _ = _tip(scene.motion)
         normals = np.array([n for n in np.ndindex(3, 3, 3) if n != (1, 1, 1)]) - 1.0
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         out = []
         for n in normals:
-            for d in np.percentile(x @ n, (55, 70, 82, 90, 95)):
+            for d in np.percentile(x[::10] @ n, (55, 70, 82, 90, 95)):
                 out.append((*map(float, n), float(d)))
         return tuple(out)
 
-    def columns(self, scene, joints, theta):
-        from cosim.arm.kinematics import forward, jacobian
+    def continuous(self, theta):
+        return (0, 1, 2, 3)
 
-        q = scene.motion.q
+    def moved(self, theta, index, step):
+        n = np.array(theta[:3])
+        if index == 3:
+            return (*theta[:3], theta[3] + 0.04 * step)
+        n[index] += step
+        return (*map(float, n / max(np.linalg.norm(n), 1e-9)), theta[3])
+
+    def columns(self, scene, joints, theta):
+        x, jacobian = _tip(scene.motion)
         n, d = np.array(theta[:3]), theta[3]
-        depth = np.maximum(forward(q) @ n - d, 0.0)
-        torque = np.einsum("...ij,i->...j", jacobian(q), n) * depth[:, None]
+        torque = (n @ jacobian) * np.maximum(x @ n - d, 0.0)[:, None]
         return {j: torque[:, [j]] for j in range(3)}
 
     def labels(self, joints, theta):
@@ -92,18 +111,37 @@ class JointCoupling(Effect):
     aliases = ()
     needs = "the other joint's motion"
     SHAPES = ("viscous", "coulomb", "both", "spring")
+    SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded signal may follow
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        others = [j for j in range(scene.joints) if j != joints[0]] if scene.joints > 1 else []
+        if scene.joints == 1:
+            return tuple((-1.0 - k, float(v)) for k in range(len(_speeds(scene))) for v in range(len(self.SHARED)))
+        others = [j for j in range(scene.joints) if j != joints[0]]
         return tuple((float(j), float(k)) for j in others for k in range(len(self.SHAPES)))
 
     def columns(self, scene, joints, theta):
+        if theta[0] < 0:
+            return {joints[0]: self._beside(scene, int(-theta[0] - 1), self.SHARED[int(theta[1])])}
         j, shape = int(theta[0]), self.SHAPES[int(theta[1])]
         dq, s, q = scene.motion.dq[:, [j]], scene.sign[:, [j]], scene.motion.q[:, [j]]
         parts = {"viscous": (dq,), "coulomb": (s,), "both": (dq, s), "spring": (q - q.mean(),)}[shape]
         return {joints[0]: np.concatenate(parts, axis=1)}
 
+    def _beside(self, scene: Scene, number: int, shape: str) -> np.ndarray:
+        """Viscous and Coulomb columns of the speed of a recorded signal, or of its sum or difference with the joint's own.
+
+        A motor that drives two joints (TX40: q_m6 = 32 q6 + 32 q5) has its friction on the sum.
+        """
+        m = scene.motion
+        other = m.smooth(m.other[_speeds(scene)[number]][:, None])
+        speed = {"dq_other": other, "dq + dq_other": m.dq + other, "dq - dq_other": m.dq - other}[shape]
+        width = 0.02 * np.percentile(np.abs(speed), 99)
+        return np.concatenate([speed, speed / np.sqrt(speed**2 + max(width, 1e-12) ** 2)], axis=1)
+
     def labels(self, joints, theta):
+        if theta[0] < 0:
+            speed = self.SHARED[int(theta[1])]
+            return (f"coupling_viscous of {speed}", f"coupling_coulomb of {speed}")
         k = PAIRS.index((joints[0], int(theta[0]))) + 1
         shape = self.SHAPES[int(theta[1])]
         names = {"viscous": ("viscous",), "coulomb": ("coulomb",), "both": ("viscous", "coulomb"), "spring": ("stiffness",)}[shape]
@@ -113,4 +151,9 @@ class JointCoupling(Effect):
         return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
-        return "" if self.grid(scene, joints) else "no other joint recorded"
+        return "" if self.grid(scene, joints) else "no speed of another joint recorded"
+
+
+def _speeds(scene: Scene) -> list[str]:
+    """Recorded signals beside a single joint that are speeds."""
+    return sorted(name for name, unit in scene.units.items() if unit in ("rad/s", "m/s") and name in scene.motion.other)

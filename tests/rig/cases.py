@@ -36,6 +36,9 @@ def pair(i, j, value):
     return out
 
 
+NORMALS = np.array(((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.6, 0.0, 0.8)))
+
+
 def _fc(j):
     return COULOMB[j - 1]
 
@@ -57,13 +60,13 @@ EFFECTS = {
     "torque_gain": lambda j, a: dict(gain=only(j, -0.05 * a)),
     "torque_saturation": lambda j, a: dict(limit=np.where(only(j, 1) > 0, {1: 0.075, 2: 0.032, 3: 0.036}[j] / a**0.2, 1e9)),
     "torque_deadband": lambda j, a: dict(deadband=only(j, 0.1 * a * _fc(j))),
-    "joint_elasticity": lambda j, a: dict(compliance=only(j, {1: 0.2, 2: 0.3, 3: 0.3}[j] * a)),
-    "backlash": lambda j, a: dict(compliance=only(j, 0.02), gap=only(j, 0.01 * a)),
+    "joint_elasticity": lambda j, a: dict(compliance=only(j, {1: 0.06, 2: 0.06, 3: 0.12}[j] * a), law=TANH, width=0.02),
+    "backlash": lambda j, a: dict(compliance=only(j, 0.02), gap=only(j, 0.01 * a), law=TANH, width=0.02),
     "payload": lambda j, a: dict(payload=0.004 * a),
     "base_tilt": lambda j, a: dict(tilt=np.array((0.02, 0.015)) * a),
     "encoder_offset": lambda j, a: dict(encoder_offset=only(j, 0.03 * a)),
     "friction_drift": lambda j, a: dict(warm_up=only(j, 0.1 * a)),
-    "external_contact": lambda j, a: dict(wall_stiffness=5.0 * a, wall_damping=0.05, wall_distance=0.03),
+    "external_contact": lambda j, a: dict(wall_normal=NORMALS[j - 1], wall_stiffness=2.5 * a, wall_damping=0.05, wall_share=0.85),
     "joint_coupling": lambda j, a: dict(couple_viscous=pair(j, j % 3 + 1, 0.5e-3 * a), couple_coulomb=pair(j, j % 3 + 1, 0.04 * a * _fc(j))),
 }
 OUTSIDE = {
@@ -76,7 +79,7 @@ OUTSIDE = {
 }
 ARM_WIDE = ("payload", "base_tilt", "external_contact")
 DECLARED = ("payload", "torque_gain")
-JOINTS = {"encoder_offset": (2, 3), "joint_elasticity": (2, 3), "backlash": (1, 2, 3)}
+JOINTS = {"encoder_offset": (2, 3), "backlash": (1, 3)}
 UNIDENTIFIABLE = ("payload", "torque_gain")  # unless the parameters are declared
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tests.rig.plant import Arms, stack
+from tests.rig.plant import Arms, stack, tip
 
 CENTRE = np.array((0.0, 0.25, 0.35))
 REACH = np.array((0.75, 0.45, 0.45))
@@ -57,11 +57,25 @@ def references(experiments, time):
 
 
 def record(plants, experiments, duration=60.0, substeps=4):
-    """Measured runs, one for each plant and experiment, integrated as one batch."""
+    """Measured runs, one for each plant and experiment; rigid and elastic arms are integrated as one batch each."""
+    runs = [None] * len(plants)
+    soft = [bool((np.asarray(p.compliance) > 0).any()) for p in plants]
+    for kind in (False, True):
+        members = [k for k, s in enumerate(soft) if s is kind]
+        if members:
+            made = _batch([plants[k] for k in members], [experiments[k] for k in members], duration, substeps)
+            for k, run in zip(members, made, strict=True):
+                runs[k] = run
+    return runs
+
+
+def _batch(plants, experiments, duration, substeps):
     b = stack(plants)
     n = int(round(duration * 1000)) + 1
     time = np.arange(n) / 1000
     ref, rate = references(experiments, time)
+    for s in range(b.size):
+        b.wall_place[s] = np.quantile(b.wall_normal[:, s] @ tip(ref[:, :, s].T), b.wall_share[s])
     random = np.random.default_rng(sum(e.seed for e in experiments) + 17)
     resolution = np.stack([e.resolution for e in experiments], axis=-1)
     bandwidth = np.array([e.bandwidth for e in experiments])

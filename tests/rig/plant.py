@@ -66,7 +66,7 @@ class Plant:
     wall_stiffness: float = 0.0
     wall_damping: float = 0.0
     wall_normal: np.ndarray = field(default_factory=lambda: np.array((0.0, 0.0, 1.0)))
-    wall_distance: float = 0.03
+    wall_share: float = 0.85  # of the reference that lies before the wall
     couple_viscous: np.ndarray = field(default_factory=lambda: np.zeros(9))  # [3 i + j]: torque on i from joint j
     couple_coulomb: np.ndarray = field(default_factory=lambda: np.zeros(9))
     couple_spring: np.ndarray = field(default_factory=lambda: np.zeros(9))
@@ -100,6 +100,7 @@ class Batch:
         self.true_pi = self.pi + extra[:, None] * m
         self.size = m.shape[-1]
         self.elastic = bool((self.compliance > 0).any() or (self.gap > 0).any())
+        self.wall_place = np.full(self.size, 1e9)
         self.active = {k: bool(np.any(v)) for k, v in values.items()}
 
 
@@ -217,7 +218,7 @@ def resisting(b, q, w, t, slip, drive):
 def wall(b, q, w):
     """J^T f of a wall that the tip meets; unilateral spring and damper."""
     x, v = tip(q), tip_velocity(q, w)
-    deep = (x * b.wall_normal).sum(axis=0) - b.wall_distance
+    deep = (x * b.wall_normal).sum(axis=0) - b.wall_place
     speed = (v * b.wall_normal).sum(axis=0)
     force = np.where(deep > 0, np.maximum(b.wall_stiffness * deep + b.wall_damping * speed, 0.0), 0.0)
     return tip_torque(q, -force * b.wall_normal)
@@ -263,7 +264,7 @@ class Arms:
         u = self.delivered(command, wander)
         (self._elastic if b.elastic else self._rigid)(u)
         if b.active["presliding"]:
-            moving = self.wm if b.elastic else self.w
+            moving = np.where(b.compliance > 0, self.wm, self.w) if b.elastic else self.w
             for k in range(ELEMENTS):
                 self.slip[k] = np.clip(self.slip[k] + moving * h / (b.presliding_length * (0.4 + 0.6 * k)), -1, 1)
         self.t += h
@@ -314,6 +315,8 @@ class Arms:
             link = transmitted(q, w, qm, wm)
             rub = resisting(b, np.where(soft, qm, q), np.where(soft, wm, w), t, self.slip, u)
             force = np.where(soft, link, u - rub) - n
+            if b.active["wall_stiffness"]:
+                force = force + wall(b, q, w)
             am = np.where(soft, (u - link - rub) / b.motor_inertia, 0.0)
             return v, np.concatenate((solve(m11, m22, m33, m23, force), am))
 

@@ -1,0 +1,131 @@
+"""Candidates: every effect of the library on every set of joints, at the best values of its nonlinear parameters."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+
+from cosim.closure.model import Choice, Model, filtered
+from cosim.effects import Effect, Estimate
+
+CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
+COLLINEAR = 2e-3  # share of a column that the model does not explain already, below which it cannot be told from the model
+
+
+@frozen(eq=False)
+class Candidate:
+    """One effect on one set of joints at its best theta, screened on the fitted rows.
+
+    gain: share of the squared error of its joints that it takes away in sample; beta (k,); tried: number of regressions that were
+    searched; reason: why it cannot be it (not testable, not physical), empty where it can.
+    """
+
+    choice: Choice
+    gain: float
+    beta: np.ndarray
+    tried: int
+    reason: str = ""
+    untestable: bool = False
+
+
+def screen(model: Model, effects: Sequence[Effect]) -> list[Candidate]:
+    """All candidates that may be added to the model, best gain first; untestable ones last."""
+    normal = Normal(model)
+    taken = {c.key for c in model.choices}
+    found = []
+    for effect in effects:
+        for joints in effect.joint_sets(model.scene):
+            if (effect.name, joints) not in taken:
+                found.append(screened(model, normal, effect, joints))
+    return sorted(found, key=lambda c: (c.untestable, -c.gain))
+
+
+def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...]) -> Candidate:
+    """One effect on one set of joints, at the best of its grid."""
+    nothing = Candidate(Choice(effect, joints), 0.0, np.zeros(0), 0)
+    if reason := effect.untestable(model.scene, joints):
+        return Candidate(nothing.choice, 0.0, nothing.beta, 0, reason, True)
+    options = []
+    for theta, columns in _all_columns(model, effect, joints):
+        result = normal.gain(columns)
+        if result is not None:
+            options.append((result[0], theta, result[1]))
+    if not options:
+        return Candidate(nothing.choice, 0.0, nothing.beta, 0, "its columns lie within the model already", True)
+    return _best(model, normal, effect, joints, options)
+
+
+def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...], options: list) -> Candidate:
+    """The option with the largest gain; a physical one if it comes close to the best unphysical one."""
+    options.sort(key=lambda option: -option[0])
+    base, tried, first = normal.error(joints), len(options), None
+    for gain, theta, beta in options:
+        estimate = Estimate(beta, np.abs(beta) * 0.1, theta, joints, model.scene)
+        reason = effect.unphysical(estimate)
+        candidate = Candidate(Choice(effect, joints, theta), gain / base, beta, tried, reason)
+        if not reason:
+            return candidate
+        first = first or candidate
+        if gain < 0.5 * options[0][0]:
+            break
+    return first
+
+
+def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
+    """(theta, filtered columns) of the whole grid; static ones are kept for the next step."""
+    key = ("grid", effect.key, joints, tuple(model.laws))
+    if key in model._cache:
+        return model._cache[key]
+    out = []
+    thetas = effect.grid(model.scene, joints)
+    for start in range(0, len(thetas), CHUNK):
+        out += _chunk(model, effect, joints, thetas[start : start + CHUNK])
+    if not effect.dynamic:
+        model._cache[key] = out
+    return out
+
+
+def _chunk(model: Model, effect: Effect, joints: tuple[int, ...], thetas):
+    full = [effect.columns(model.scene, joints, theta) for theta in thetas]
+    touched = {j for columns in full for j in columns}
+    result: list[dict] = [{} for _ in thetas]
+    for j in touched:
+        parts = [columns[j] for columns in full]
+        stacked = filtered(model.setting, effect, {j: np.concatenate(parts, axis=1)})[j]
+        edges = np.cumsum([0] + [part.shape[1] for part in parts])
+        for k in range(len(thetas)):
+            result[k][j] = stacked[:, edges[k] : edges[k + 1]]
+    return list(zip(thetas, result, strict=True))
+
+
+class Normal:
+    """Normal equations of the fitted rows, ready for the gain of added columns."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.train = ~model.setting.rows.test
+        self.x = [model.design[j, self.train] for j in range(model.setting.joints)]
+        self.residual = [model.residual[j, self.train] * model.scale[j, self.train, 0] for j in range(model.setting.joints)]
+        g = sum(x.T @ x for x in self.x)
+        scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
+        self.inverse = np.linalg.inv(g * scale[:, None] * scale + np.diag(model.fit.penalty)) * scale[:, None] * scale
+
+    def error(self, joints: tuple[int, ...]) -> float:
+        """Squared error of the joints' fitted rows."""
+        return max(sum(float(self.residual[j] @ self.residual[j]) for j in joints), 1e-300)
+
+    def gain(self, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:
+        """Decrease of the squared error by the columns and their coefficients; None where they lie within the model."""
+        cross, own, toward = 0.0, 0.0, 0.0
+        for j, values in columns.items():
+            c = values[self.train] * self.model.scale[j, self.train]
+            cross, own, toward = cross + self.x[j].T @ c, own + c.T @ c, toward + c.T @ self.residual[j]
+        free = own - cross.T @ self.inverse @ cross
+        size = np.sqrt(np.maximum(np.diag(own), 1e-300))
+        unit = free / size[:, None] / size
+        values, vectors = np.linalg.eigh(unit)
+        if values[-1] < COLLINEAR or not np.isfinite(values).all():
+            return None
+        keep = values > 1e-6
+        beta = (vectors[:, keep] / values[keep]) @ (vectors[:, keep].T @ (toward / size)) / size
+        return float(toward @ beta), beta

@@ -1,0 +1,63 @@
+"""Is anything left in the residual? Smooth functions of single signals, of pairs and of history compete under the rule of the claims."""
+
+from attrs import evolve, frozen
+
+from cosim.closure.candidates import Candidate, Normal, screened
+from cosim.closure.evidence import Evidence, weigh
+from cosim.closure.model import Choice, Model, with_choices
+from cosim.closure.selection import Rule
+from cosim.closure.unnamed import Dependence, dependences
+
+FLEXIBLE = 2.5  # a basis of eight functions has to remove this many times what one column has to
+
+
+@frozen(eq=False)
+class Leftover:
+    """A signal that the residual of some joints depends on, without a name."""
+
+    evidence: Evidence
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        return self.evidence.candidate.choice.effect.signals
+
+    @property
+    def joint(self) -> int:
+        return self.evidence.joints[0]
+
+
+def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
+    """Dependences of the residual that the rule accepts, strongest first, at most one for each joint and set of signals."""
+    kinds = dependences(model.scene)
+    trials = len(kinds) * model.setting.joints
+    strict = evolve(rule, gain=FLEXIBLE * rule.gain, size=1.25 * rule.size)
+    found, normal = [], Normal(model)
+    for kind in kinds:
+        for joint in range(model.setting.joints):
+            evidence = weighed(model, kind, joint, trials, normal)
+            if evidence is not None and not _refusal(strict, evidence, kind):
+                found.append(Leftover(evidence))
+    return tuple(sorted(found, key=lambda leftover: leftover.evidence.error()))
+
+
+def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Normal | None = None) -> Evidence | None:
+    """The evidence for one dependence; None where its basis lies within the model."""
+    candidate = screened(model, normal or Normal(model), kind, (joint,))
+    if candidate.untestable or candidate.gain < 0.02:
+        return None
+    return weigh(model, Candidate(Choice(kind, (joint,), candidate.choice.theta), candidate.gain, candidate.beta, 1), trials)
+
+
+def _refusal(rule: Rule, evidence: Evidence, kind: Dependence) -> str:
+    """The rule's refusal; functions of time are judged on fitted blocks only."""
+    if kind.local:
+        evidence = evolve(evidence, gain_held=evidence.gain_fit, t_held=evidence.t_fit)
+    return rule.refusal(evidence)
+
+
+def corrected(model: Model, found: tuple[Leftover, ...]) -> Model:
+    """The model with the best smooth correction of each joint that needs one."""
+    best: dict[int, Choice] = {}
+    for leftover in found:
+        best.setdefault(leftover.joint, leftover.evidence.candidate.choice)
+    return with_choices(model, (*model.choices, *best.values()))

@@ -1,0 +1,110 @@
+"""Reasons not to judge a recording at all: no motion, too short, a torque that is a function of the state or of the model."""
+
+import numpy as np
+from attrs import frozen
+
+from cosim.closure.model import Model
+from cosim.closure.motion import Motion, Rows
+
+SHORTEST = 4.0  # s of fitted rows
+FEWEST_BLOCKS = 8
+STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to show
+INERTIA = 0.01  # share of the torque that inertia has to make there
+EXACT = 1e-4  # residual as a share of the torque that no measurement reaches
+COPIED = 0.95  # R^2 of the torque's fastest part on that of the acceleration: noise of the encoder cannot be in a measured torque
+
+
+@frozen
+class Refusal:
+    """Why nothing may be concluded; joint is 1-based or 0 for all."""
+
+    joint: int
+    reason: str
+
+
+def motion_refusals(motion: Motion, rows: Rows) -> list[Refusal]:
+    """No motion, too short, no torque."""
+    out = []
+    seconds = float((~motion.test).sum() * motion.step)
+    if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
+        out.append(Refusal(0, f"too short: {seconds:.1f} s of fitted rows make {rows.train_blocks} blocks, at least {FEWEST_BLOCKS} "
+                              f"blocks and {SHORTEST:g} s are needed"))  # fmt: skip
+    still = [j for j in range(motion.joints) if not _moves(motion, rows, j)]
+    if len(still) == motion.joints:
+        out.append(Refusal(0, "no joint moves: a residual at rest cannot be traced to an effect of motion"))
+    flat = [j for j in range(motion.joints) if np.ptp(motion.tau_raw[:, j]) <= 1e-9 * max(np.abs(motion.tau_raw[:, j]).max(), 1e-30)]
+    out += [Refusal(j + 1, "the torque is constant") for j in flat if j not in still]
+    return out
+
+
+def _moves(motion: Motion, rows: Rows, joint: int) -> bool:
+    return bool(rows.moving[:, joint].mean() > 0.05 and np.ptp(motion.q[:, joint]) > 0)
+
+
+def circular(model: Model) -> list[Refusal]:
+    """Joints whose torque column was computed, not measured."""
+    out = []
+    for j in range(model.setting.joints):
+        if not _moves(model.setting.motion, model.setting.rows, j):
+            continue
+        for reason in (_static(model, j), _exact(model, j), _copied(model, j)):
+            if reason:
+                out.append(Refusal(j + 1, reason))
+                break
+    return out
+
+
+def _static(model: Model, j: int) -> str:
+    """A function of angle and speed reproduces the torque, and inertia, though excited, makes no part of it."""
+    s = model.setting
+    rows, m = s.rows, s.motion
+    use = s.use[j]
+    if use.sum() < 200 or s.device == "regressor":
+        return ""
+    q, dq, ddq, tau = (rows.filtered(x[:, [j]], False)[use, 0] for x in (m.q, m.dq, m.ddq, m.tau))
+    static = np.stack((np.ones_like(q), q, np.sin(q), np.cos(q), dq), axis=1)
+    scale = np.sqrt(np.mean(tau**2))
+    left = tau - static @ np.linalg.lstsq(static, tau, rcond=None)[0]
+    share = float(np.sqrt(np.mean(left**2)) / max(scale, 1e-300))
+    if share > STATIC:
+        return ""
+    both = np.column_stack((static, ddq))
+    block = rows.block[use]
+    full = np.linalg.lstsq(both, tau, rcond=None)[0][-1]
+    parts = np.array_split(np.unique(block), 8)
+    each = [np.linalg.lstsq(both[np.isin(block, p)], tau[np.isin(block, p)], rcond=None)[0][-1] for p in parts if len(p)]
+    upper = full + 2 * float(np.std(each)) / np.sqrt(len(each))
+    made = upper * float(np.std(ddq)) / scale
+    if made > INERTIA:
+        return ""
+    return (f"the torque is a function of the angle and the speed to {100 * share:.2g} % and inertia makes less than "
+            f"{100 * max(made, 0):.2g} % of it: it was computed from the state (circular), it did not move the joint")  # fmt: skip
+
+
+def _exact(model: Model, j: int) -> str:
+    use = model.setting.use[j]
+    if use.sum() < 200:
+        return ""
+    share = float(np.sqrt(np.mean(model.residual[j][use] ** 2) / max(np.mean(model.target[j][use] ** 2), 1e-300)))
+    if share > EXACT:
+        return ""
+    return f"the model fits the torque to {100 * share:.1g} %: no measurement is that good, the torque was computed from the model (circular)"
+
+
+def _copied(model: Model, j: int) -> str:
+    """The fastest part of the raw torque follows that of the raw second difference: encoder noise stands in the torque column."""
+    m = model.setting.motion
+    if not m.differentiated:
+        return ""
+    fast_q, fast_tau = np.diff(m.q_raw[:, j], 8), np.diff(m.tau_raw[:, j], 6)[1:-1]
+    power = fast_tau @ fast_tau
+    if not fast_q.any() or power <= 0:
+        return ""
+    best = 0.0
+    for shift in range(-3, 4):
+        moved = np.roll(fast_q, shift)
+        toward = moved @ fast_tau
+        best = max(best, toward * max(toward, 0.0) / (moved @ moved) / power)
+    if best < COPIED:
+        return ""
+    return f"the noise of the encoder stands in the torque column (R^2 = {best:.3f}): the torque was computed from the position (circular)"

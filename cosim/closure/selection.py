@@ -1,0 +1,147 @@
+"""Forward selection of effects with joint refit, under a rule whose rate of false claims is measured (tests/rig/study.py nulls)."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.closure.candidates import Candidate, screen
+from cosim.closure.evidence import Evidence, weigh
+from cosim.closure.model import Choice, Model, settled, with_choices
+from cosim.effects import Effect
+
+
+@frozen
+class Rule:
+    """What a claim needs. p: jackknife F on fitted blocks times everything tried; gains: share of its joints' squared error removed on
+    blocks not seen; t: paired differences per block; size: share of the torque's RMS that only this effect explains.
+    """
+
+    p: float = 1e-3
+    gain: float = 0.04
+    t_fit: float = 2.0
+    t_held: float = 2.0
+    size: float = 0.004
+    most: int = 6
+    shortlist: int = 40
+
+    def refusal(self, evidence: Evidence) -> str:
+        """Why the evidence does not carry a claim; empty where it does."""
+        if evidence.reason:
+            return evidence.reason
+        checks = (
+            (evidence.p > self.p, f"p = {evidence.p:.1g} after counting all that was tried"),
+            (evidence.gain_fit < self.gain, f"removes {100 * evidence.gain_fit:.1f} % of the squared error of unseen fitted blocks"),
+            (evidence.t_fit < self.t_fit, f"fitted blocks disagree (t = {evidence.t_fit:.1f})"),
+            (evidence.gain_held < self.gain, f"removes {100 * evidence.gain_held:.1f} % of the held-out squared error"),
+            (evidence.t_held < self.t_held, f"held-out blocks disagree (t = {evidence.t_held:.1f})"),
+            (evidence.size < self.size, f"explains {100 * evidence.size:.2f} % of the torque: below what processing alone can make"),
+        )
+        return next((text for failed, text in checks if failed), "")
+
+
+@frozen(eq=False)
+class Step:
+    """One round of the search: the candidates that were weighed, best first, and the one taken (None: none)."""
+
+    weighed: tuple[Evidence, ...]
+    refusals: tuple[str, ...]
+    taken: Evidence | None
+
+
+@frozen(eq=False)
+class Selection:
+    """The rounds, the complete model, the model with all chosen effects, what could not be tested and why."""
+
+    before: Model
+    model: Model
+    steps: tuple[Step, ...]
+    untestable: tuple[Candidate, ...]
+    trials: int
+
+
+Progress = Callable[[str], None]
+
+
+def select(before: Model, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None) -> Selection:
+    """Add the best effect that the rule accepts, refit everything, drop what is no longer needed, until nothing is accepted."""
+    model, steps, untestable, trials = before, [], (), 0
+    seen = set()
+    while len(model.choices) < rule.most:
+        candidates = screen(model, effects)
+        trials = max(trials, sum(c.tried for c in candidates))
+        untestable = untestable or tuple(c for c in candidates if c.untestable)
+        step = _round(model, candidates, rule, trials)
+        steps.append(step)
+        if step.taken is None:
+            break
+        progress(f"accepted {step.taken.name} on joint(s) {', '.join(str(j + 1) for j in step.taken.joints)}")
+        model = _pruned(polished(step.taken.model), rule, trials)
+        state = frozenset(c.key for c in model.choices)
+        if state in seen:
+            break
+        seen.add(state)
+    return Selection(before, model, tuple(steps), untestable, trials)
+
+
+def _round(model: Model, candidates: Sequence[Candidate], rule: Rule, trials: int) -> Step:
+    likely = [c for c in candidates if not c.untestable and c.gain > 0.5 * rule.gain][: rule.shortlist]
+    weighed = sorted((weigh(model, c, trials) for c in likely), key=Evidence.error)
+    refusals = tuple(rule.refusal(e) for e in weighed)
+    taken = next((e for e, why in zip(weighed, refusals, strict=True) if not why), None)
+    return Step(tuple(weighed), refusals, taken)
+
+
+def polished(model: Model) -> Model:
+    """The model with friction laws, weights and nonlinear parameters fitted again around its effects."""
+    choices = model.choices
+    for _ in range(2):
+        model = with_choices(settled(with_choices(model, choices)), choices, passes=2)
+        better = tuple(_refined(model, k) for k in range(len(choices)))
+        if better == choices:
+            return model
+        choices = better
+    return with_choices(model, choices, passes=2)
+
+
+def _refined(model: Model, number: int) -> Choice:
+    """The choice with its continuous nonlinear parameter moved to the least error of the fitted rows."""
+    choice = model.choices[number]
+    free = choice.effect.continuous(choice.theta)
+    for index in free:
+        choice = _line_search(model, number, choice, index)
+    return choice
+
+
+def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choice:
+    def error(theta: tuple[float, ...]) -> float:
+        others = (*model.choices[:number], evolve(choice, theta=theta), *model.choices[number + 1 :])
+        return float(with_choices(model, others, passes=0).joint_error()[0].sum())
+
+    best, value = choice.theta, error(choice.theta)
+    for step in (0.25, 0.12, 0.06, 0.03, 0.015):
+        for sign in (1, -1):
+            for _ in range(4):
+                trial = choice.effect.moved(best, index, sign * step)
+                if (new := error(trial)) >= value:
+                    break
+                best, value = trial, new
+    return evolve(choice, theta=best)
+
+
+def _pruned(model: Model, rule: Rule, trials: int) -> Model:
+    """The model without effects that the others have made needless."""
+    while len(model.choices) > 1:
+        weak = [k for k in range(len(model.choices) - 1) if rule.refusal(alone(model, k, trials))]
+        if not weak:
+            return model
+        left = tuple(c for k, c in enumerate(model.choices) if k != weak[0])
+        model = polished(with_choices(model, left))
+    return model
+
+
+def alone(model: Model, number: int, trials: int) -> Evidence:
+    """Evidence for one of the model's effects beside all others."""
+    choice = model.choices[number]
+    rest = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k != number))
+    return weigh(rest, Candidate(choice, 0.0, np.zeros(0), 1), trials)

@@ -1,0 +1,131 @@
+"""Dependence of the residual on a signal without a name: smooth bases that compete with the named effects under the same rule.
+
+A basis of hat functions of one signal, products of two, or the distance since the last reversal. They carry no physics; they say on
+which signals a residual depends, and give a smooth correction where no name fits.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from attrs import define, frozen
+
+from cosim.effects import Effect, Scene
+
+HATS = 8
+
+
+def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Piecewise linear hat functions (n, k) with the given knots (k,); constant beyond the ends; they add to 1."""
+    place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1)
+    return np.maximum(1 - np.abs(place[:, None] - np.arange(len(knots))), 0.0)
+
+
+@frozen
+class Dependence(Effect):
+    """A smooth function of some signals, added to the torque of one joint."""
+
+    signals: tuple[str, ...] = ()
+    basis: object = None  # (scene, joint) -> (n, k)
+    local: bool = False  # a function of time: held-out rows lie outside what was fitted
+    name = "unknown"
+
+    @property
+    def title(self) -> str:
+        return f"smooth function of {', '.join(self.signals)}"
+
+    @property
+    def key(self) -> str:
+        return f"unknown: {', '.join(self.signals)}"
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: self.basis(scene, joints[0])}
+
+    def labels(self, joints, theta):
+        return ()
+
+    def parameters(self, estimate):
+        return {}
+
+
+@define(eq=False)
+class _Signals:
+    scene: Scene
+    train: np.ndarray
+
+    @cached_property
+    def since_reversal(self) -> np.ndarray:
+        """Distance (n, nj) travelled since the last change of direction."""
+        m = self.scene.motion
+        move = np.abs(np.diff(m.q, axis=0, prepend=m.q[:1]))
+        turn = np.diff(np.sign(m.dq), axis=0, prepend=np.sign(m.dq[:1])) != 0
+        total = np.cumsum(move, axis=0)
+        return total - np.maximum.accumulate(np.where(turn, total, 0.0), axis=0)
+
+
+def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Dependence, ...]:
+    """What a residual may depend on: own and other signals of the joints, their products, history, time, further recorded signals."""
+    m = scene.motion
+    signals = _Signals(scene, ~m.test)
+    nj = scene.joints
+    out = [Dependence(("time",), _time, True)]
+    out += [Dependence((f"q{i + 1}",), _of(m.q[:, i])) for i in range(nj)]
+    out += [Dependence((f"dq{i + 1}",), _of(m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
+    out += [Dependence((f"tau{i + 1}",), _of(m.tau[:, i])) for i in range(nj)]
+    out += [Dependence((f"q{i + 1}", f"dq{i + 1}"), _product(m.q[:, i], m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
+    out += [Dependence((f"history of q{i + 1}",), _history(signals, i)) for i in range(nj)]
+    for i in range(nj):
+        for k in range(nj):
+            if k > i:
+                out.append(Dependence((f"dq{i + 1}", f"dq{k + 1}"), _pairs(m.dq[:, i], m.dq[:, k])))
+                out.append(Dependence((f"q{i + 1}", f"q{k + 1}"), _pairs(m.q[:, i], m.q[:, k])))
+            if k != i:
+                out.append(Dependence((f"q{k + 1}", f"dq{i + 1}"), _product(m.q[:, k], m.dq[:, i], scene.sign[:, i])))
+    out += [Dependence((name,), _of(values)) for name, values in m.other.items()]
+    return tuple(out)
+
+
+def _knots(x: np.ndarray, count: int = HATS) -> np.ndarray:
+    return np.unique(np.quantile(x, np.linspace(0.01, 0.99, count)))
+
+
+def _of(x: np.ndarray, sign: np.ndarray | None = None):
+    """Hats of a signal (but one: the rest is the constant), and its sign apart where it has one."""
+    def basis(scene: Scene, joint: int) -> np.ndarray:
+        return hats(x, _knots(x))
+
+    return basis
+
+
+def _time(scene: Scene, joint: int) -> np.ndarray:
+    m = scene.motion
+    clock = np.concatenate([m.time[a:b] - m.time[a] for a, b in m.bounds]) + 1e4 * m.run
+    train = clock[~m.test]
+    count = int(np.clip((~m.test).sum() * m.step / 3.0, 4, 14))
+    return hats(clock, np.unique(np.quantile(train, np.linspace(0, 1, count))))
+
+
+def _product(q: np.ndarray, dq: np.ndarray, sign: np.ndarray):
+    def basis(scene: Scene, joint: int) -> np.ndarray:
+        x = (q - q.mean()) / max(float(q.std()), 1e-12)
+        v = dq / max(float(dq.std()), 1e-12)
+        return np.stack((v, x * v, x * x * v, x**3 * v, sign, x * sign, x * x * sign, x**3 * sign), axis=1)
+
+    return basis
+
+
+def _pairs(a: np.ndarray, b: np.ndarray):
+    def basis(scene: Scene, joint: int) -> np.ndarray:
+        x, y = (a - a.mean()) / max(float(a.std()), 1e-12), (b - b.mean()) / max(float(b.std()), 1e-12)
+        return np.stack((x, y, x * y, x * x, y * y, x * x * y, x * y * y, x**3, y**3), axis=1)
+
+    return basis
+
+
+def _history(signals: _Signals, i: int):
+    def basis(scene: Scene, joint: int) -> np.ndarray:
+        d = signals.since_reversal[:, i]
+        positive = d[d > 0]
+        knots = np.unique(np.quantile(positive if len(positive) else d, (0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)))
+        return hats(d, knots) * scene.sign[:, [i]]
+
+    return basis

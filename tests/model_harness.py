@@ -35,17 +35,17 @@ const char *harness_failure(void) {{ return failed; }}
 int harness_begin(Model *m) {{ failed = start(m); if (!failed) outputs(m, 0); return failed != NULL; }}
 void harness_rates(Model *m, double t) {{ {derive} }}
 void harness_show(Model *m, double t) {{ outputs(m, t); }}
-static void integrate(Model *m, double t, double h)
+static void integrate(Model *m, double t, double offset, double h)
 {{
     double *v = (double *)m, s[STATES + 1], k[4][STATES + 1];
     for (int i = 0; i < STATES; i++) s[i] = v[state_at[i]];
     for (int n = 0; n < 4; n++) {{
         const double part = n == 0 ? 0 : n == 3 ? h : 0.5 * h;
         for (int i = 0; i < STATES; i++) v[state_at[i]] = n == 0 ? s[i] : s[i] + part * k[n - 1][i];
-        harness_rates(m, t + part);
+        harness_rates(m, t + (offset + part));
         for (int i = 0; i < STATES; i++) k[n][i] = v[rate_at[i]];
     }}
-    for (int i = 0; i < STATES; i++) v[state_at[i]] = s[i] + h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+    for (int i = 0; i < STATES; i++) v[state_at[i]] = s[i] + h / 6.0 * (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]);
 }}
 /* n steps; inputs[n][width] go to the doubles from input_at on before each step, record[n][count] takes watched doubles after it. */
 int harness_steps(Model *m, double t0, double step, int n, const double *inputs, int width, const int *input_at,
@@ -56,10 +56,10 @@ int harness_steps(Model *m, double t0, double step, int n, const double *inputs,
         const double t = t0 + k * step;
         const int internal = {internal};
         m->step = step;
-        for (int j = 0; j < internal && STATES > 0; j++) integrate(m, t + j * (step / internal), step / internal);
-        failed = sample(m, t0 + (k + 1) * step);
+        for (int j = 0; j < internal && STATES > 0; j++) integrate(m, t, step * j / internal, step / internal);
+        failed = sample(m, t + step);
         if (failed) return k + 1;
-        outputs(m, t0 + (k + 1) * step);
+        outputs(m, t + step);
         for (int i = 0; i < count; i++) record[k * count + i] = ((double *)m)[watch[i]];
     }}
     return 0;

@@ -243,3 +243,10 @@ def test_variable_communication_steps():
     m.time = 0.1
     run = m.run(40, 5e-4, {"u": np.repeat(np.arange(100.5, 120.1, 0.5)[:, None], 3, axis=1)}, ("y",))
     assert np.abs(run["y"][:, 0] - np.arange(90.5, 110.1, 0.5)).max() < 1e-9
+
+
+@pytest.mark.parametrize("semantics", SEMANTICS)
+@pytest.mark.parametrize("delay", [1e300, 1.7e308])
+def test_absurd_delays_show_the_first_input(semantics, delay):
+    run = received(channel(semantics=semantics, first=5.0, delay_mean=delay), 100)
+    assert (run["y"] == 5.0).all()

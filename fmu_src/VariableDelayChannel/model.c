@@ -194,7 +194,7 @@ static const char *sample(Model *m, double t)
     const double target = (int)m->semantics == SEMANTICS_TIME_DELAY ? t - delay : t;
     Ring r = ring_of(m);
     if (m->dropped != 0 && target + RING_SAME < ring_at(&r, 0)[0]) return too_long(m, delay, t, step);
-    const int i = ring_find(&r, target);
+    const int found = ring_find(&r, target), i = found < 0 ? 0 : found;
     if ((int)m->semantics != SEMANTICS_TIME_DELAY) {
         for (int k = 0; k < i; k++) ring_drop_oldest(&r);
         keep(m, &r);

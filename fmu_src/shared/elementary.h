@@ -62,8 +62,9 @@ static inline real exp_real(real a)
     const real c = r - t * (1.66666666666666019037e-01 + t * (-2.77777777770155933842e-03 + t * (6.61375632143793436117e-05
                  + t * (-1.65339022054652515390e-06 + t * 4.13813679705723846039e-08))));
     const real y = 1.0 - ((low - (r * c) / (2.0 - c)) - high);
-    /* 2^k: the integer k + 1023 stands in the low bits of k + 1023 + 2^52; it moves to the exponent. */
-    const real scale = real_of_bits(bits_of((k + 1023.0) + 4503599627370496.0) << 52);
+    /* 2^k: k + 1023 + 2^52 differs from 2^52 by k + 1023 as an integer too; that moves to the exponent. */
+    const real shift = real_of(4503599627370496.0);
+    const real scale = real_of_bits((bits_of((k + 1023.0) + shift) - bits_of(shift)) << 52);
     const real huge_value = real_of_bits(bits_of(real_of(0.0)) + INT64_C(0x7ff0000000000000));
     const real in = choose(a <= -708.0, real_of(0.0), y * scale);
     return choose(a >= 709.0, huge_value, choose(a == a, in, a));

@@ -144,15 +144,15 @@ static inline const char *joint_check_step(const Joint *j, int number, double st
 {
     const double h = step / internal_steps;
     if (j->actuator_lag > 0 && h > RK4_REACH * j->actuator_lag) {
-        (void)snprintf(text, size, "actuator_lag[%d] = %g s is too short for the internal step of %g s: set internal_steps to %d or more",
-            number, j->actuator_lag, h, (int)(step / j->actuator_lag) + 1);
+        (void)snprintf(text, size, "actuator_lag[%d] = %g s is too short for the internal step of %g s: set internal_steps to %.0f or more",
+            number, j->actuator_lag, h, ceil(step / j->actuator_lag) + 1);
         return text;
     }
     if (j->joint_compliance > 0) {
         const double rate = sqrt(1 / (j->joint_compliance * j->motor_inertia)) + j->joint_damping / j->motor_inertia;
         if (h * rate > RK4_REACH) {
             (void)snprintf(text, size, "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step of %g s: "
-                "set internal_steps to %d or more", number, j->joint_compliance, h, (int)(step * rate) + 1);
+                "set internal_steps to %.0f or more", number, j->joint_compliance, h, ceil(step * rate));
             return text;
         }
     }

@@ -229,7 +229,7 @@ def _variable2(table: Table, s: Scalar) -> str:
     }
     state = next((state for state, d in table.states if d == s.reference), None)
     body = {
-        "declaredType": _declared(table, v), "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
+        "declaredType": _declared(table, v), "unit": v.unit or None, "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
         "start": _value(s, 2), "derivative": state.reference + 1 if state else None,
     }
     return element("ScalarVariable", head, [element(v.type, body)])
@@ -325,7 +325,7 @@ def _variable3(table: Table, s: Scalar) -> str:
     return element(TAGS3[v.type], {
         "name": s.name, "valueReference": s.reference, "description": v.description,
         "causality": CAUSALITY.get(v.causality, v.causality), "variability": _variability(v), "initial": _initial(v),
-        "declaredType": _declared(table, v), "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
+        "declaredType": _declared(table, v), "unit": v.unit or None, "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
         "start": _value(s, 3), "derivative": state.reference if state else None,
     })
 

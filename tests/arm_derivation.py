@@ -1,7 +1,7 @@
 """The arm derived from the energies of its segments, in sympy: the oracle of the numpy model and of every misprint.
 
-Nothing here is taken from the equations of motion in the papers. Input: where each body's centre is, which angle turns it, its
-mass and inertia. Output: the Lagrangian and what follows from it.
+Nothing here is taken from the equations of motion in the papers. Input: where each body's centre is, which angle
+turns it, its mass and inertia. Output: the Lagrangian and what follows from it.
 """
 
 from functools import cache
@@ -43,8 +43,11 @@ def pitch(angle):
 
 def rate(expression):
     """d/dt of an expression or a matrix in the angles and rates."""
-    return sp.Add(*(sp.diff(expression, q) * w for q, w in zip(Q, W, strict=True))) if isinstance(expression, sp.Expr) \
+    return (
+        sp.Add(*(sp.diff(expression, q) * w for q, w in zip(Q, W, strict=True)))
+        if isinstance(expression, sp.Expr)
         else expression.applyfunc(rate)
+    )
 
 
 def position(along_upper, along_fore):
@@ -70,9 +73,16 @@ def travel_energy(mass, centre):
 
 def christoffel(mass):
     """C with C_ij = sum_k (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) dq_k / 2."""
+
     def entry(i, j):
-        return sum((sp.diff(mass[i, j], Q[k]) + sp.diff(mass[i, k], Q[j]) - sp.diff(mass[j, k], Q[i])) * W[k]
-                   for k in range(3)) / 2
+        return (
+            sum(
+                (sp.diff(mass[i, j], Q[k]) + sp.diff(mass[i, k], Q[j]) - sp.diff(mass[j, k], Q[i])) * W[k]
+                for k in range(3)
+            )
+            / 2
+        )
+
     return sp.Matrix(3, 3, entry)
 
 
@@ -80,8 +90,15 @@ def christoffel(mass):
 def arm() -> Arm:
     """Energies of A, C, BE, DF and the base; I_a, I_c about the centres, I_be, I_df about the shoulder."""
     centre_a, centre_c = position(l1, l2 / 2), position(l1 / 2, l3)
-    kinetic = (travel_energy(ma, centre_a) + travel_energy(mc, centre_c) + base_yy * w1**2 / 2
-               + spin_energy("a", q3) + spin_energy("c", q2) + spin_energy("be", q2) + spin_energy("df", q3))
+    kinetic = (
+        travel_energy(ma, centre_a)
+        + travel_energy(mc, centre_c)
+        + base_yy * w1**2 / 2
+        + spin_energy("a", q3)
+        + spin_energy("c", q2)
+        + spin_energy("be", q2)
+        + spin_energy("df", q3)
+    )
     potential = g * (ma * centre_a[1] + mc * centre_c[1] + mbe * position(l5, 0)[1] + mdf * position(0, -l6)[1])
     mass = sp.hessian(kinetic, W)
     gravity = sp.Matrix([sp.diff(potential, q) for q in Q])
@@ -115,13 +132,17 @@ def euler_lagrange():
 
 @cache
 def reduced() -> Arm:
-    """The same arm written in the eight parameters alone; `tests/test_arm_derivation.py` proves that nothing is lost."""
+    """The same arm written in the eight parameters alone; `tests/test_arm_derivation.py` proves that nothing is
+    lost.
+    """
     p = PI
-    mass = sp.Matrix([
-        [p[0] + p[1] * sp.cos(2 * q2) + p[2] * sp.cos(2 * q3) + p[3] * sp.cos(q2) * sp.sin(q3), 0, 0],
-        [0, p[4], -p[3] * sp.sin(q2 - q3) / 2],
-        [0, -p[3] * sp.sin(q2 - q3) / 2, p[5]],
-    ])
+    mass = sp.Matrix(
+        [
+            [p[0] + p[1] * sp.cos(2 * q2) + p[2] * sp.cos(2 * q3) + p[3] * sp.cos(q2) * sp.sin(q3), 0, 0],
+            [0, p[4], -p[3] * sp.sin(q2 - q3) / 2],
+            [0, -p[3] * sp.sin(q2 - q3) / 2, p[5]],
+        ]
+    )
     potential = p[6] * sp.sin(q2) - p[7] * sp.cos(q3)
     rates = sp.Matrix(W)
     gravity = sp.Matrix([sp.diff(potential, q) for q in Q])

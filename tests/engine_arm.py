@@ -1,13 +1,15 @@
 """The arm as a physics engine sees it: the parallelogram as MJCF for MuJoCo, a test-only dependency.
 
-`Parallelogram` is a tree of the real bodies: base -> BE -> A and base -> DF -> C. The loop needs no constraint, because its closure is
-linear in the angles: hinge angles (q1, q2, q3 - q2, q3, q2 - q3) = CLOSURE q. M and the bias force of the tree, multiplied by
-CLOSURE on both sides, are those of the closed arm.
+`Parallelogram` is a tree of the real bodies: base -> BE -> A and base -> DF -> C. The loop needs no constraint,
+because its closure is linear in the angles: hinge angles (q1, q2, q3 - q2, q3, q2 - q3) = CLOSURE q. M and the bias
+force of the tree, multiplied by CLOSURE on both sides, are those of the closed arm.
 
-`Pantograph` has three hinges (q1, q2, q3 - q2), so MuJoCo can step it alone. C, whose centre is l1/2 u + l3 f, has the same kinetic
-energy as mc/4 at l1 u + 2 l3 f, a point of the forearm; DF turns with the forearm; gravity is set by `gravcomp`.
+`Pantograph` has three hinges (q1, q2, q3 - q2), so MuJoCo can step it alone. C, whose centre is l1/2 u + l3 f, has
+the same kinetic energy as mc/4 at l1 u + 2 l3 f, a point of the forearm; DF turns with the forearm; gravity is set
+by `gravcomp`.
 
-BE and DF inertias break the triangle inequality, which MuJoCo refuses: the excess about the pitch axis goes into armature.
+BE and DF inertias break the triangle inequality, which MuJoCo refuses: the excess about the pitch axis goes into
+armature.
 """
 
 import mujoco
@@ -41,18 +43,24 @@ def inertial(body: Segment, centre, steiner=(0.0, 0.0, 0.0)) -> tuple[str, float
     """<inertial> about the centre and the excess about x that armature has to carry [kg m^2]."""
     xx, yy, zz = (value - shift for value, shift in zip((body.xx, body.yy, body.zz), steiner, strict=True))
     excess = max(0.0, xx - yy - zz)
-    tag = f'<inertial mass="{numbers(body.mass)}" pos="{numbers(*centre)}" diaginertia="{numbers(xx - excess, yy, zz)}"/>'
+    tag = (
+        f'<inertial mass="{numbers(body.mass)}" pos="{numbers(*centre)}" diaginertia="{numbers(xx - excess, yy, zz)}"/>'
+    )
     return tag, excess
 
 
-def hinge(armature: float) -> str:
-    return f'<joint type="hinge" axis="-1 0 0" armature="{numbers(armature)}"/>'
+def hinge(armature: float, name: str = "") -> str:
+    label = f'name="{name}" ' if name else ""
+    return f'<joint {label}type="hinge" axis="-1 0 0" armature="{numbers(armature)}"/>'
 
 
 def weights(loads) -> str:
     """Point masses as bodies without joints; their own inertia is 1e-15 kg m^2, the least that MuJoCo takes."""
-    return "".join(f'<body pos="{numbers(*load.place)}"><inertial mass="{numbers(load.mass)}" pos="0 0 0" '
-                   'diaginertia="1e-15 1e-15 1e-15"/></body>' for load in loads)
+    return "".join(
+        f'<body pos="{numbers(*load.place)}"><inertial mass="{numbers(load.mass)}" pos="0 0 0" '
+        'diaginertia="1e-15 1e-15 1e-15"/></body>'
+        for load in loads
+    )
 
 
 def parallelogram(s: Segments, on_upper=(), on_fore=(), on_drive=()) -> mujoco.MjModel:
@@ -61,7 +69,9 @@ def parallelogram(s: Segments, on_upper=(), on_fore=(), on_drive=()) -> mujoco.M
     df, df_excess = inertial(s.df, (0, s.l6, 0), (s.df.mass * s.l6**2, 0, s.df.mass * s.l6**2))
     a, _ = inertial(s.a, (0, -L2 / 2, 0))
     c, _ = inertial(s.c, (0, 0, L1 / 2))
-    xml = HEAD.format(step=1e-3) + f"""
+    xml = (
+        HEAD.format(step=1e-3)
+        + f"""
     <body><joint type="hinge" axis="0 1 0"/>
       <inertial mass="1" pos="0 0 0" diaginertia="{numbers(s.base_yy, s.base_yy, s.base_yy)}"/>
       <body>{hinge(be_excess)}{be}{weights(on_upper)}
@@ -70,6 +80,7 @@ def parallelogram(s: Segments, on_upper=(), on_fore=(), on_drive=()) -> mujoco.M
       <body>{hinge(df_excess)}{df}{weights(on_drive)}
         <body pos="{numbers(0, -s.l3, 0)}">{hinge(0)}{c}<site name="on_rod" pos="{numbers(0, 0, L1)}"/></body></body>
     </body></worldbody></mujoco>"""
+    )
     return mujoco.MjModel.from_xml_string(xml)
 
 
@@ -80,16 +91,20 @@ def pantograph(s: Segments, moments: tuple[float, float], step: float) -> mujoco
     gravity_be = (moments[0] - s.a.mass * gravity_a * L1 - s.c.mass * L1 / 2) / (s.be.mass * s.l5)
     be, be_excess = inertial(s.be, (0, 0, s.l5), shifted)
     a, a_excess = inertial(s.a, (0, -L2 / 2, 0), (-s.df.xx, -s.df.yy, -s.df.zz))
-    xml = HEAD.format(step=step) + f"""
+    xml = (
+        HEAD.format(step=step)
+        + f"""
     <body><joint type="hinge" axis="0 1 0"/>
       <inertial mass="1" pos="0 0 0" diaginertia="{numbers(s.base_yy, s.base_yy, s.base_yy)}"/>
-      <body gravcomp="{numbers(1 - gravity_be)}"><joint name="upper" type="hinge" axis="-1 0 0" armature="{numbers(be_excess)}"/>{be}
-        <body pos="{numbers(0, 0, L1)}" gravcomp="{numbers(1 - gravity_a)}"><joint name="elbow" type="hinge" axis="-1 0 0"/>{a}
+      <body gravcomp="{numbers(1 - gravity_be)}">{hinge(be_excess, "upper")}{be}
+        <body pos="{numbers(0, 0, L1)}" gravcomp="{numbers(1 - gravity_a)}">{hinge(0, "elbow")}{a}
           <body pos="{numbers(0, -2 * s.l3, 0)}" gravcomp="-1">
             <inertial mass="{numbers(s.c.mass / 4)}" pos="0 0 0" diaginertia="1e-15 1e-15 1e-15"/></body></body></body>
     </body></worldbody>
-    <tendon><fixed armature="{numbers(a_excess)}"><joint joint="upper" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>
+    <tendon><fixed armature="{numbers(a_excess)}">
+      <joint joint="upper" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>
     </mujoco>"""
+    )
     return mujoco.MjModel.from_xml_string(xml)
 
 

@@ -52,14 +52,17 @@ def run(capsys, *words):
     return ended.value.code, *capsys.readouterr()
 
 
-@pytest.mark.parametrize(("words", "printed", "shown"), [
-    (("workspace",), "positive definite in the whole workspace", "Positive definiteness"),
-    (("workspace", "--parameters", "FS"), "NOT positive definite in 36 %", "domain_exit"),
-    (("workspace", "--mounting", "upside_down", "--payload", "0.1"), "segment + 0.1 kg", "Effective tip mass"),
-    (("dissect",), "joint 1: Coulomb friction (64 %)", "like Taati Fig. 11"),
-    (("counterbalance",), "0.248 kg on motor two and 0.091 kg on motor three", "L_cb = 0.075"),
-    (("counterbalance", "--parameters", "segment", "--tool", "0"), "other side of the axis", "Eqs. 16-17"),
-])
+@pytest.mark.parametrize(
+    ("words", "printed", "shown"),
+    [
+        (("workspace",), "positive definite in the whole workspace", "Positive definiteness"),
+        (("workspace", "--parameters", "FS"), "NOT positive definite in 36 %", "domain_exit"),
+        (("workspace", "--mounting", "upside_down", "--payload", "0.1"), "segment + 0.1 kg", "Effective tip mass"),
+        (("dissect",), "joint 1: Coulomb friction (64 %)", "like Taati Fig. 11"),
+        (("counterbalance",), "0.248 kg on motor two and 0.091 kg on motor three", "L_cb = 0.075"),
+        (("counterbalance", "--parameters", "segment", "--tool", "0"), "other side of the axis", "Eqs. 16-17"),
+    ],
+)
 def test_command_prints_its_verdict_and_leaves_a_report(tmp_path, capsys, words, printed, shown):
     code, out, _ = run(capsys, *words, "--out", str(tmp_path))
     page = (tmp_path / "report.html").read_text()
@@ -68,12 +71,15 @@ def test_command_prints_its_verdict_and_leaves_a_report(tmp_path, capsys, words,
     assert "<svg" in page and "http://www.w3.org" in page and "src=" not in page
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    (("workspace", "--parameters", "GWC"), "did you mean 'GCW'"),
-    (("workspace", "--parameters", "UR", "--mounting", "upside_down"), "in which it was identified"),
-    (("workspace", "--payload", "-1"), "zero or more"),
-    (("counterbalance", "--lever", "0", "--tool", "-1"), "2 problems"),
-])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("workspace", "--parameters", "GWC"), "did you mean 'GCW'"),
+        (("workspace", "--parameters", "UR", "--mounting", "upside_down"), "in which it was identified"),
+        (("workspace", "--payload", "-1"), "zero or more"),
+        (("counterbalance", "--lever", "0", "--tool", "-1"), "2 problems"),
+    ],
+)
 def test_bad_input_is_named(tmp_path, capsys, words, message):
     code, _, err = run(capsys, *words, "--out", str(tmp_path))
     assert code == 2

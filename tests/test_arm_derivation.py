@@ -29,9 +29,17 @@ def symbolic():
     """Numeric functions (pi, q, dq, ddq) of the derived M, C, N, tau, T, V."""
     arm = d.reduced()
     arguments = [d.PI, d.Q, d.W, d.A]
-    return {name: sp.lambdify(arguments, value, modules="numpy", cse=True) for name, value in
-            (("mass", arm.mass), ("coriolis", arm.coriolis), ("gravity", arm.gravity.T), ("torque", sp.Matrix([d.torque_rows()])),
-             ("kinetic", arm.kinetic), ("potential", arm.potential))}
+    return {
+        name: sp.lambdify(arguments, value, modules="numpy", cse=True)
+        for name, value in (
+            ("mass", arm.mass),
+            ("coriolis", arm.coriolis),
+            ("gravity", arm.gravity.T),
+            ("torque", sp.Matrix([d.torque_rows()])),
+            ("kinetic", arm.kinetic),
+            ("potential", arm.potential),
+        )
+    }
 
 
 def test_energies_reduce_to_eight_parameters():
@@ -45,7 +53,9 @@ def test_energies_reduce_to_eight_parameters():
 
 
 def test_lagrange_equations_are_m_c_n():
-    """d/dt dL/dw - dL/dq = M a + C w + N, with the Lagrangian of the segments on the left (numeric symbols: 40 digits)."""
+    """d/dt dL/dw - dL/dq = M a + C w + N, with the Lagrangian of the segments on the left (numeric symbols: 40
+    digits).
+    """
     rng = np.random.default_rng(1)
     symbols = sorted(set().union(*(t.free_symbols for t in d.euler_lagrange())), key=str)
     for _ in range(3):
@@ -58,9 +68,19 @@ def test_lagrange_equations_are_m_c_n():
 def test_linear_map_is_the_derived_one():
     """`segment_pi` with the numbers of Table II is the pi read off the derived energies."""
     segments = Segments()
-    numbers = {d.l1: kinematics.L1, d.l2: kinematics.L2, d.l3: segments.l3, d.l5: segments.l5, d.l6: segments.l6, d.g: 9.81,
-               d.base_yy: segments.base_yy, d.ma: segments.a.mass, d.mc: segments.c.mass, d.mbe: segments.be.mass,
-               d.mdf: segments.df.mass}
+    numbers = {
+        d.l1: kinematics.L1,
+        d.l2: kinematics.L2,
+        d.l3: segments.l3,
+        d.l5: segments.l5,
+        d.l6: segments.l6,
+        d.g: 9.81,
+        d.base_yy: segments.base_yy,
+        d.ma: segments.a.mass,
+        d.mc: segments.c.mass,
+        d.mbe: segments.be.mass,
+        d.mdf: segments.df.mass,
+    }
     for name, symbols in d.INERTIA.items():
         body = getattr(segments, name)
         numbers |= dict(zip(symbols, (body.xx, body.yy, body.zz), strict=True))
@@ -79,8 +99,10 @@ def test_numpy_is_the_derivation(symbolic, name):
     """M, C, N, the torque, Y pi and both energies of every set at 200 random states of the whole box."""
     pi = parameter_set(name).pi
     q, dq, ddq = states()
-    rows = [[symbolic[key](pi, *state) for state in zip(q, dq, ddq, strict=True)]
-            for key in ("mass", "coriolis", "gravity", "torque", "kinetic", "potential")]
+    rows = [
+        [symbolic[key](pi, *state) for state in zip(q, dq, ddq, strict=True)]
+        for key in ("mass", "coriolis", "gravity", "torque", "kinetic", "potential")
+    ]
     mass, coriolis, gravity, torque, kinetic, potential = (np.array(values, dtype=float) for values in rows)
     assert close(dynamics.mass_matrix(pi, q), mass)
     assert close(dynamics.coriolis_matrix(pi, q, dq), coriolis)

@@ -51,7 +51,9 @@ def test_full_regressor_holds_friction():
 
 def push(t):
     """Motor torque and tip force of the energy test."""
-    return 0.05 * np.array([np.sin(3 * t), np.cos(2 * t), -np.sin(4 * t)]), 0.2 * np.array([np.cos(t), np.sin(2 * t), 0.3])
+    return 0.05 * np.array([np.sin(3 * t), np.cos(2 * t), -np.sin(4 * t)]), 0.2 * np.array(
+        [np.cos(t), np.sin(2 * t), 0.3]
+    )
 
 
 def rate(params, t, state):

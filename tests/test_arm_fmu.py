@@ -1,7 +1,7 @@
 """Four writings of one arm held together: the FMU PhantomArm (C), the numpy model, MuJoCo and the symbolic derivation.
 
-The FMU is asked for its accelerations; the other three say which torque these need. The torque that was applied must come back.
-That compares all of them without the amplification of M^-1 near poses where M is singular.
+The FMU is asked for its accelerations; the other three say which torque these need. The torque that was applied must
+come back. That compares all of them without the amplification of M^-1 near poses where M is singular.
 """
 
 import shutil
@@ -48,7 +48,13 @@ class Plant:
         self.fmu.reset()
         if self.version == 2:
             self.fmu.setupExperiment(startTime=0.0)
-        values = {"pi": params.pi, "viscous": params.viscous, "coulomb": params.coulomb, "q_start": q, "dq_start": dq} | others
+        values = {
+            "pi": params.pi,
+            "viscous": params.viscous,
+            "coulomb": params.coulomb,
+            "q_start": q,
+            "dq_start": dq,
+        } | others
         for name, value in values.items():
             self.write(name, value)
         self.fmu.enterInitializationMode()
@@ -82,6 +88,7 @@ def engine():
     from test_engine import basis
 
     from cosim.arm.segments import segment_pi
+
     arms = [Engine(parallelogram(arm)) for arm in basis()]
     parameters = np.array([segment_pi(arm) for arm in basis()])
 
@@ -105,7 +112,9 @@ def states(params, seed):
 
 @pytest.mark.parametrize("name", SET_NAMES)
 def test_four_writings_agree(plant, symbolic_torque, engine, name):
-    """C, numpy, MuJoCo, sympy at random states of every parameter set, friction included, to 1e-12 of the terms' size."""
+    """C, numpy, MuJoCo, sympy at random states of every parameter set, friction included, to 1e-12 of the terms'
+    size.
+    """
     params = parameter_set(name)
     for q, dq, tau, f in zip(*states(params, 21), strict=True):
         plant.start(params, q, dq, tau, f)
@@ -113,8 +122,12 @@ def test_four_writings_agree(plant, symbolic_torque, engine, name):
         applied = tau + kinematics.jacobian(q).T @ f - dynamics.friction_torque(params, dq)
         mass, bias = engine(params.pi, q, dq)
         size = np.abs(mass) @ np.abs(ddq) + np.abs(bias) + np.abs(applied) + np.abs(params.pi[6:]).max()
-        for needed in (dynamics.inverse_dynamics(params.pi, q, dq, ddq), np.array(symbolic_torque(params.pi, q, dq, ddq)),
-                       mass @ ddq + bias, dynamics.regressor(q, dq, ddq) @ params.pi):
+        for needed in (
+            dynamics.inverse_dynamics(params.pi, q, dq, ddq),
+            np.array(symbolic_torque(params.pi, q, dq, ddq)),
+            mass @ ddq + bias,
+            dynamics.regressor(q, dq, ddq) @ params.pi,
+        ):
             assert np.max(np.abs(needed - applied) / size) < TIGHT
         again = dynamics.forward_dynamics(params, q, dq, tau, f)
         assert np.max(np.abs(ddq - again)) < TIGHT * np.linalg.cond(mass) * np.max(np.abs(ddq))
@@ -155,7 +168,9 @@ GUARD = 1e-5
 
 
 def towards_the_minimum(params):
-    """A pose where M11 = 0.2e-3, on the way from mid-workspace to the pose of the least M11, and the unit direction there."""
+    """A pose where M11 = 0.2e-3, on the way from mid-workspace to the pose of the least M11, and the unit direction
+    there.
+    """
     centre, least = np.array([0.0, 0.35, 0.45]), np.array([0.0, *definiteness(params.pi).pose])
     poses = centre + np.linspace(0, 1, 2001)[:, None] * (least - centre)
     last = np.flatnonzero(dynamics.yaw_inertia(params.pi, poses) > 0.2e-3)[-1]
@@ -164,7 +179,9 @@ def towards_the_minimum(params):
 
 @pytest.mark.parametrize("name", ["UR", "GCW", "FS", "USD", "USD+GCW"])
 def test_domain_ends_where_m_stops_being_definite(plant, name):
-    """A motion into the region where M11 < 0 ends with domain = 0 and a frozen, finite state at the guard, never with NaN."""
+    """A motion into the region where M11 < 0 ends with domain = 0 and a frozen, finite state at the guard, never
+    with NaN.
+    """
     params, zero, step = parameter_set(name), np.zeros(3), 1e-3
     pose, direction, least = towards_the_minimum(params)
     plant.start(params, pose, 5.0 * direction, zero, zero)
@@ -182,7 +199,7 @@ def test_domain_ends_where_m_stops_being_definite(plant, name):
     assert all(value > GUARD for value in inertia[:-1])
     plant.fmu.doStep(currentCommunicationPoint=(k + 1) * step, communicationStepSize=step)
     np.testing.assert_array_equal(plant.read("q"), frozen)
-    with pytest.raises(fmpy.fmi1.FMICallException):                  # to start there is refused
+    with pytest.raises(fmpy.fmi1.FMICallException):  # to start there is refused
         plant.start(params, least, zero, zero, zero)
 
 
@@ -207,7 +224,9 @@ def numpy_fall():
 
 
 def test_free_motion_agrees_with_numpy(plant, numpy_fall):
-    """2000 steps with two internal RK4 steps each: the same method as numpy's, so equal to rounding grown by the motion."""
+    """2000 steps with two internal RK4 steps each: the same method as numpy's, so equal to rounding grown by the
+    motion.
+    """
     zero = np.zeros(3)
     plant.start(parameter_set("segment"), *FALL, zero, zero)
     for k in range(2000):

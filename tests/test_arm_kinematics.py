@@ -53,7 +53,9 @@ def test_angular_jacobian_is_the_turning_of_the_tool():
 
 @pytest.mark.parametrize(("inverse", "sign"), [(k.inverse, 1), (k.inverse_behind, -1)])
 def test_inverse_round_trip(inverse, sign):
-    """q -> x -> q on either side of the axis; the angle's error is eps / |det J|, so poses near a singularity are left out."""
+    """q -> x -> q on either side of the axis; the angle's error is eps / |det J|, so poses near a singularity are
+    left out.
+    """
     q = LINKED.sample(20000, 6)
     q = q[sign * k.radius(q) > 0.01]
     assert len(q) > 50

@@ -104,13 +104,17 @@ def test_balance_leaves_no_gravity():
 
 def test_fitted_gravity_is_taati_eqs_16_and_17():
     params = parameter_set("UR")
-    np.testing.assert_allclose(fitted(params, GIMBAL, GCW_WEIGHT).pi[6:], gravity_parameters(params, GIMBAL, GCW_WEIGHT), rtol=1e-13)
+    np.testing.assert_allclose(
+        fitted(params, GIMBAL, GCW_WEIGHT).pi[6:], gravity_parameters(params, GIMBAL, GCW_WEIGHT), rtol=1e-13
+    )
     g7 = params.pi[6] - 9.81 * 0.216 * 0.07 + 9.81 * 0.09 * L1
     assert fitted(params, GIMBAL, GCW_WEIGHT).pi[6] == pytest.approx(g7, rel=1e-13)
 
 
 def test_gimbal_as_physics_explains_the_gcw_column():
-    """Taati checks g7 and g8 only; the same masses also move d2, d4 and d5 of UR to within 12 % of the identified GCW column."""
+    """Taati checks g7 and g8 only; the same masses also move d2, d4 and d5 of UR to within 12 % of the identified
+    GCW column.
+    """
     predicted, identified = fitted(parameter_set("UR"), GIMBAL, GCW_WEIGHT).pi, parameter_set("GCW").pi
     for index in (1, 3, 4):
         assert predicted[index] == pytest.approx(identified[index], rel=0.12)

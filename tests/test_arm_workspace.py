@@ -25,7 +25,7 @@ def test_the_axis_lies_inside():
 
 def test_clip_stays_inside_and_leaves_inner_poses():
     q = np.random.default_rng(2).uniform(-4, 4, (500, 3))
-    assert LINKED.contains(LINKED.clip(q) * (1 - 1e-15)).mean() > 0.5     # a limit met exactly may miss by rounding
+    assert LINKED.contains(LINKED.clip(q) * (1 - 1e-15)).mean() > 0.5  # a limit met exactly may miss by rounding
     inner = LINKED.sample(100, 3)
     np.testing.assert_array_equal(LINKED.clip(inner), inner)
 

@@ -1,4 +1,6 @@
-"""The arm against MuJoCo, an engine that we did not write: mass matrix, bias forces, kinematics, and two seconds of motion."""
+"""The arm against MuJoCo, an engine that we did not write: mass matrix, bias forces, kinematics, and two seconds of
+motion.
+"""
 
 import numpy as np
 import pytest
@@ -78,8 +80,12 @@ def test_payload_and_counterweights():
     loaded = with_payload(params, 0.15).pi
     assert close(dynamics.mass_matrix(loaded, q), mass) and close(model_bias(loaded, q, dq), bias)
     weights = Counterweights(0.248, 0.091)
-    arms = parallelogram(Segments(), on_upper=[Load(0.248, (0, 0, -weights.lever))], on_drive=[Load(0.091, (0, weights.lever, 0))],
-                         on_fore=[Load(GIMBAL.mass, (0, -GIMBAL.distance, 0))])
+    arms = parallelogram(
+        Segments(),
+        on_upper=[Load(0.248, (0, 0, -weights.lever))],
+        on_drive=[Load(0.091, (0, weights.lever, 0))],
+        on_fore=[Load(GIMBAL.mass, (0, -GIMBAL.distance, 0))],
+    )
     mass, bias = observe(Engine(arms), q, dq)
     balanced = fitted(params, GIMBAL, weights).pi
     assert close(dynamics.mass_matrix(balanced, q), mass) and close(model_bias(balanced, q, dq), bias)
@@ -92,11 +98,11 @@ def basis():
     lever = Segment(0.2359, 11.09e-4, 10.06e-4, 0.591e-4)
     return [
         evolve(bare, base_yy=rod),
-        evolve(bare, be=Segment(1e-9, rod, rod, 1e-9)),              # a rod along the upper arm
-        evolve(bare, be=Segment(1e-9, rod, 1e-9, 1e-9)),             # a rotor about the pitch axis: armature
+        evolve(bare, be=Segment(1e-9, rod, rod, 1e-9)),  # a rod along the upper arm
+        evolve(bare, be=Segment(1e-9, rod, 1e-9, 1e-9)),  # a rotor about the pitch axis: armature
         evolve(bare, a=Segment(1e-9, rod, 1e-9, rod)),
         evolve(bare, df=Segment(1e-9, rod, 1e-9, 1e-9)),
-        evolve(bare, a=Segment(0.05, 1e-9, 1e-9, 1e-9)),             # couples joints 2 and 3
+        evolve(bare, a=Segment(0.05, 1e-9, 1e-9, 1e-9)),  # couples joints 2 and 3
         evolve(bare, be=lever),
         evolve(bare, df=Segment(0.1906, 7.11e-4, 0.629e-4, 6.246e-4)),
     ]
@@ -106,12 +112,19 @@ def basis():
 def basis_seen():
     """What the engine says of each of the eight arms, and their parameters."""
     q, dq = states(seed=13)
-    return q, dq, [observe(Engine(parallelogram(arm)), q, dq) for arm in basis()], np.array([segment_pi(arm) for arm in basis()])
+    return (
+        q,
+        dq,
+        [observe(Engine(parallelogram(arm)), q, dq) for arm in basis()],
+        np.array([segment_pi(arm) for arm in basis()]),
+    )
 
 
 @pytest.mark.parametrize("name", SET_NAMES)
 def test_every_parameter_set(basis_seen, name):
-    """M and bias are linear in pi, so eight arms of the engine make every set, also those that no arm can have (M not > 0)."""
+    """M and bias are linear in pi, so eight arms of the engine make every set, also those that no arm can have (M
+    not > 0).
+    """
     q, dq, seen, parameters = basis_seen
     pi = parameter_set(name).pi
     weights = np.linalg.solve(parameters.T, pi)
@@ -159,7 +172,7 @@ def test_motion_of_the_parallelogram(numpy_motion):
         return np.linalg.solve(engine.mass(), -engine.bias())
 
     motion = runge_kutta(acceleration, *START)
-    assert np.ptp(numpy_motion[:, :3], axis=0).min() > 0.3           # it really moves
+    assert np.ptp(numpy_motion[:, :3], axis=0).min() > 0.3  # it really moves
     assert np.max(np.abs(motion - numpy_motion)) < 1e-11 * np.max(np.abs(numpy_motion))
 
 
@@ -176,7 +189,9 @@ def test_motion_stepped_by_the_engine(numpy_motion):
     for _ in range(STEPS + 1):
         path.append(np.concatenate([back @ engine.data.qpos, back @ engine.data.qvel]))
         mujoco.mj_step(model, engine.data)
-    assert np.max(np.abs(np.array(path) - numpy_motion)) < 1e-11 * np.max(np.abs(numpy_motion))      # dust of 1e-15 kg m^2: 1e-12 of M
+    assert np.max(np.abs(np.array(path) - numpy_motion)) < 1e-11 * np.max(
+        np.abs(numpy_motion)
+    )  # dust of 1e-15 kg m^2: 1e-12 of M
 
 
 def test_engine_denies_the_printed_misprints():

@@ -39,7 +39,9 @@ def test_taati_eq4_as_printed_creates_energy():
     """Without friction dE/dt = dq tau; the printed sign leaves p4 cos(q2 - q3) dq2^2 dq3 over."""
     lagrange = sum(w * t for w, t in zip(d.W, d.torque_rows(), strict=True))
     arm = d.reduced()
-    power = d.rate(arm.kinetic + arm.potential) + sum(sp.diff(arm.kinetic, w) * a for w, a in zip(d.W, d.A, strict=True))
+    power = d.rate(arm.kinetic + arm.potential) + sum(
+        sp.diff(arm.kinetic, w) * a for w, a in zip(d.W, d.A, strict=True)
+    )
     assert d.is_zero(power - lagrange)
     printed = lagrange + d.PI[3] * sp.cos(d.q2 - d.q3) * d.w2**2 * d.w3
     assert not d.is_zero(power - printed)
@@ -65,7 +67,9 @@ def test_sallam_m22():
 
 
 def test_sallam_c11_factor_covers_both_terms():
-    """As printed, 1/8 multiplies only the term of dq2 (whose dot is missing); the term of dq3 comes out eight times too large."""
+    """As printed, 1/8 multiplies only the term of dq2 (whose dot is missing); the term of dq3 comes out eight times
+    too large.
+    """
     p, arm = d.PI, d.reduced()
     first = -2 * sp.sin(d.q2) * (8 * p[1] * sp.cos(d.q2) + 2 * p[3] * sp.sin(d.q3)) * d.w2
     second = 2 * sp.cos(d.q3) * (2 * p[3] * sp.cos(d.q2) - 8 * p[2] * sp.sin(d.q3)) * d.w3
@@ -88,16 +92,25 @@ def test_sallam_other_dynamics_are_right():
     (axx, ayy, azz), (_, beyy, bezz) = d.INERTIA["a"], d.INERTIA["be"]
     (_, cyy, czz), (dfxx, dfyy, dfzz) = d.INERTIA["c"], d.INERTIA["df"]
     coupling = d.l1 * (d.l2 * d.ma + d.l3 * d.mc)
-    m11 = (4 * (ayy + azz + 2 * d.base_yy + beyy + bezz + cyy + czz + dfyy + dfzz)
-           + 4 * d.l1**2 * d.ma + d.l2**2 * d.ma + d.l1**2 * d.mc + 4 * d.l3**2 * d.mc
-           + (4 * (beyy - bezz + cyy - czz) + d.l1**2 * (4 * d.ma + d.mc)) * sp.cos(2 * d.q2)
-           + (4 * (ayy - azz + dfyy - dfzz) - d.l2**2 * d.ma - 4 * d.l3**2 * d.mc) * sp.cos(2 * d.q3)) / 8
+    m11 = (
+        4 * (ayy + azz + 2 * d.base_yy + beyy + bezz + cyy + czz + dfyy + dfzz)
+        + 4 * d.l1**2 * d.ma
+        + d.l2**2 * d.ma
+        + d.l1**2 * d.mc
+        + 4 * d.l3**2 * d.mc
+        + (4 * (beyy - bezz + cyy - czz) + d.l1**2 * (4 * d.ma + d.mc)) * sp.cos(2 * d.q2)
+        + (4 * (ayy - azz + dfyy - dfzz) - d.l2**2 * d.ma - 4 * d.l3**2 * d.mc) * sp.cos(2 * d.q3)
+    ) / 8
     m11 += coupling * sp.cos(d.q2) * sp.sin(d.q3)
     m33 = (4 * axx + 4 * dfxx + d.l2**2 * d.ma + 4 * d.l3**2 * d.mc) / 4
     n3 = d.g * (d.l2 * d.ma + 2 * d.l3 * d.mc - 2 * d.l6 * d.mdf) * sp.sin(d.q3) / 2
     arm = d.arm()
-    for found, printed in ((arm.mass[0, 0], m11), (arm.mass[1, 2], -coupling * sp.sin(d.q2 - d.q3) / 2), (arm.mass[2, 2], m33),
-                           (arm.gravity[2], n3)):
+    for found, printed in (
+        (arm.mass[0, 0], m11),
+        (arm.mass[1, 2], -coupling * sp.sin(d.q2 - d.q3) / 2),
+        (arm.mass[2, 2], m33),
+        (arm.gravity[2], n3),
+    ):
         assert d.is_zero(found - printed)
 
 
@@ -126,7 +139,7 @@ def test_sallam_n2_takes_l5():
     s = Segments()
     printed = G / 2 * (2 * L1 * s.a.mass + 2 * s.l3 * s.be.mass + L1 * s.c.mass)
     assert printed == pytest.approx(0.144, abs=5e-4)
-    assert segment_pi(s)[6] == pytest.approx(-0.0163, abs=5e-5)      # Table 1, column Piecewise: -16.30e-3
+    assert segment_pi(s)[6] == pytest.approx(-0.0163, abs=5e-5)  # Table 1, column Piecewise: -16.30e-3
 
 
 def test_taati_eq5_pi_g8_takes_l2_once():
@@ -135,7 +148,7 @@ def test_taati_eq5_pi_g8_takes_l2_once():
     assert not d.is_zero(d.arm().pi[7] - correct - d.g * d.l2 * d.ma / 2)
     s = Segments()
     printed = G / 2 * (2 * L2 * s.a.mass + 2 * s.l3 * s.c.mass - 2 * s.l6 * s.df.mass)
-    assert segment_pi(s)[7] == pytest.approx(-0.0738, abs=1e-4)      # Table 1: -73.80e-3
+    assert segment_pi(s)[7] == pytest.approx(-0.0738, abs=1e-4)  # Table 1: -73.80e-3
     assert abs(printed + 0.0738) > 0.015
 
 
@@ -143,8 +156,8 @@ def test_taati_eq5_scan_lacks_pi_d4_and_reads_g_as_9():
     assert d.is_zero(d.arm().pi[3] - d.l1 * (d.l2 * d.ma + d.l3 * d.mc))
     assert d.arm().pi[6].has(d.g) and d.arm().pi[7].has(d.g)
     pi = segment_pi()
-    assert pi[3] == pytest.approx(0.91e-3, abs=0.005e-3)             # Table 1
-    nine_halves = pi[6:] * 9 / G                                     # 9/2 instead of g/2
+    assert pi[3] == pytest.approx(0.91e-3, abs=0.005e-3)  # Table 1
+    nine_halves = pi[6:] * 9 / G  # 9/2 instead of g/2
     assert abs(nine_halves[1] - -0.0738) > 0.005
 
 
@@ -184,7 +197,7 @@ def rightmost_root(m, b, k, delay):
     found = []
     for sign in (1, -1):
         s = starts.copy()
-        with np.errstate(all="ignore"):                              # starts that run away are dropped below
+        with np.errstate(all="ignore"):  # starts that run away are dropped below
             for _ in range(60):
                 value = m * s**2 + b * s + k - sign * k * np.exp(-s * delay)
                 s = s - value / (2 * m * s + b + sign * k * delay * np.exp(-s * delay))
@@ -194,20 +207,24 @@ def rightmost_root(m, b, k, delay):
 
 
 def test_sallam_eq10_is_not_sufficient():
-    """K = 0.25, B = 0.09, m = 1, T = 0.45 s each way satisfies Eq. 10 and grows at +0.0101 1/s; (T_m + T_s)^2 rejects it."""
+    """K = 0.25, B = 0.09, m = 1, T = 0.45 s each way satisfies Eq. 10 and grows at +0.0101 1/s; (T_m + T_s)^2
+    rejects it.
+    """
     k, b, delay = 0.25, 0.09, 0.45
-    assert 4 * b**2 > 2 * delay**2 * k**2                            # Sallam Eq. 10 as printed
-    assert not 4 * b**2 > (2 * delay) ** 2 * k**2                    # what the Lyapunov-Krasovskii proof gives
+    assert 2 * delay**2 * k**2 < 4 * b**2  # Sallam Eq. 10 as printed
+    assert (2 * delay) ** 2 * k**2 >= 4 * b**2  # what the Lyapunov-Krasovskii proof gives
     assert rightmost_root(1.0, b, k, delay).real == pytest.approx(0.0101, abs=5e-5)
     assert b / k == pytest.approx(0.36) and np.sqrt(2) * b / k == pytest.approx(0.509, abs=5e-4)
-    for mass in (0.02, 0.1, 1.0, 10.0, 1000.0):                      # below 0.36 s no mass is unstable; s = 0 is always a root
+    for mass in (0.02, 0.1, 1.0, 10.0, 1000.0):  # below 0.36 s no mass is unstable; s = 0 is always a root
         assert rightmost_root(mass, b, k, 0.3599).real < 1e-9
-    assert rightmost_root(1000.0, b, k, 0.37).real > 1e-6            # and above it a heavy one is: tight over masses
+    assert rightmost_root(1000.0, b, k, 0.37).real > 1e-6  # and above it a heavy one is: tight over masses
 
 
 def hand_force(pi, q, dq, ddq, tau, jac):
     """f of M ddq + C dq + N = tau + J^T f."""
-    return np.linalg.solve(np.swapaxes(jac, -1, -2), (dynamics.inverse_dynamics(pi, q, dq, ddq) - tau)[..., None])[..., 0]
+    return np.linalg.solve(np.swapaxes(jac, -1, -2), (dynamics.inverse_dynamics(pi, q, dq, ddq) - tau)[..., None])[
+        ..., 0
+    ]
 
 
 def test_taati_eq20_sign():
@@ -218,8 +235,9 @@ def test_taati_eq20_sign():
     q = q[np.abs(kinematics.radius(q)) > 0.05]
     dq, tau, f = dq[: len(q)], rng.uniform(-0.1, 0.1, (len(q), 3)), rng.uniform(-1, 1, (len(q), 3))
     ddq = dynamics.forward_dynamics(params, q, dq, tau, f)
-    printed = np.linalg.solve(np.swapaxes(kinematics.jacobian(q), -1, -2),
-                              (tau - dynamics.regressor(q, dq, ddq) @ params.pi)[..., None])[..., 0]
+    printed = np.linalg.solve(
+        np.swapaxes(kinematics.jacobian(q), -1, -2), (tau - dynamics.regressor(q, dq, ddq) @ params.pi)[..., None]
+    )[..., 0]
     np.testing.assert_allclose(printed, -f, atol=1e-11)
     np.testing.assert_allclose(hand_force(params.pi, q, dq, ddq, tau, kinematics.jacobian(q)), f, atol=1e-11)
 
@@ -233,7 +251,9 @@ def test_taati_eq21_is_in_the_tool_frame():
 
 
 def test_taati_42_lengths():
-    """The four printed figures come out with 0.070 and 0.215 m to the printed digit; with 0.075 and 0.216 m three do not."""
+    """The four printed figures come out with 0.070 and 0.215 m to the printed digit; with 0.075 and 0.216 m three do
+    not.
+    """
     figures = printed_figures(parameter_set("UR"))
     assert [figure.printed for figure in figures] == [0.0223, 0.0622, 0.248, 0.091]
     for figure in figures:
@@ -243,7 +263,9 @@ def test_taati_42_lengths():
 
 
 def test_taati_42_distance_is_from_the_elbow():
-    """L_ep = 0.195 m 'from the distal end of the last link' would put the gimbal at 0.365 m; Eq. 17 needs it from the elbow."""
+    """L_ep = 0.195 m 'from the distal end of the last link' would put the gimbal at 0.365 m; Eq. 17 needs it from
+    the elbow.
+    """
     point = d.position(d.l1, sp.Symbol("L_ep"))
     torque = sp.diff(d.g * sp.Symbol("m_ep") * point[1], d.q3)
     assert d.is_zero(torque - d.g * sp.Symbol("m_ep") * sp.Symbol("L_ep") * sp.sin(d.q3))
@@ -252,7 +274,9 @@ def test_taati_42_distance_is_from_the_elbow():
 
 
 def test_taati_32_minimum_eigenvalue():
-    """1.8e-3 cannot be the smallest eigenvalue: d6 = 0.95e-3 is a diagonal entry. And no identified column has M > 0."""
+    """1.8e-3 cannot be the smallest eigenvalue: d6 = 0.95e-3 is a diagonal entry. And no identified column has M >
+    0.
+    """
     for name in COLUMNS:
         pi = parameter_set(name).pi
         found = definiteness(pi)
@@ -261,7 +285,7 @@ def test_taati_32_minimum_eigenvalue():
         assert np.linalg.eigvalsh(dynamics.mass_matrix(pi, q))[0] == pytest.approx(found.least_yaw, rel=1e-9)
     assert parameter_set("UR").pi[5] < 1.8e-3
     least = [round(definiteness(parameter_set(name).pi).least_yaw * 1e3, 2) for name in COLUMNS]
-    assert least == [-0.20, -2.24, -1.73, -0.76, -2.23]              # PHYSICS.md 1
+    assert least == [-0.20, -2.24, -1.73, -0.76, -2.23]  # PHYSICS.md 1
     assert all(definiteness(parameter_set(name).pi).positive for name in ("segment", "piecewise"))
 
 
@@ -286,16 +310,23 @@ def test_taati_observation_6_is_true_of_the_whole_friction():
 
 
 def test_piecewise_column_is_not_met_tighter():
-    """Whichever reference points the segments' inertias are given for (centre or joint), 3.8 % is the best worst row."""
+    """Whichever reference points the segments' inertias are given for (centre or joint), 3.8 % is the best worst
+    row.
+    """
     column, worst = parameter_set("piecewise").pi, []
     s = Segments()
     for shifts in product((0, 1), repeat=4):
         a, c, be, df = (
-            evolve(body, xx=body.xx + on * shift, yy=body.yy + on * shift * across, zz=body.zz + on * shift * (1 - across))
-            for body, shift, across, on in ((s.a, -s.a.mass * (L2 / 2) ** 2, 0, shifts[0]),
-                                            (s.c, -s.c.mass * (L1 / 2) ** 2, 1, shifts[1]),
-                                            (s.be, s.be.mass * s.l5**2, 1, shifts[2]),
-                                            (s.df, s.df.mass * s.l6**2, 0, shifts[3])))
+            evolve(
+                body, xx=body.xx + on * shift, yy=body.yy + on * shift * across, zz=body.zz + on * shift * (1 - across)
+            )
+            for body, shift, across, on in (
+                (s.a, -s.a.mass * (L2 / 2) ** 2, 0, shifts[0]),
+                (s.c, -s.c.mass * (L1 / 2) ** 2, 1, shifts[1]),
+                (s.be, s.be.mass * s.l5**2, 1, shifts[2]),
+                (s.df, s.df.mass * s.l6**2, 0, shifts[3]),
+            )
+        )
         pi = segment_pi(evolve(s, a=a, c=c, be=be, df=df))
         worst.append(np.max(np.abs(pi / column - 1)))
     assert np.argmin(worst) == 0

@@ -1,7 +1,7 @@
 """Counterweights on motors two and three: what they do to the parameters and how heavy they must be (Taati 4.2).
 
-A weight on motor two sits at -L_cb along the upper arm, one on motor three at -L_cb along the forearm's direction. Both are
-point masses: they change the inertial parameters too, which Taati Eqs. 16-17 leave out.
+A weight on motor two sits at -L_cb along the upper arm, one on motor three at -L_cb along the forearm's direction.
+Both are point masses: they change the inertial parameters too, which Taati Eqs. 16-17 leave out.
 """
 
 import numpy as np
@@ -29,7 +29,9 @@ GIMBAL = Attachment()
 
 @frozen
 class Counterweights:
-    """Masses [kg] on motor two and motor three and their lever [m]; a negative mass belongs on the other side of the axis."""
+    """Masses [kg] on motor two and motor three and their lever [m]; a negative mass belongs on the other side of the
+    axis.
+    """
 
     upper: float
     fore: float
@@ -43,13 +45,18 @@ GCW_WEIGHT = Counterweights(upper=0.216, fore=0.0)
 def fitted(params: ParameterSet, tool: Attachment, weights: Counterweights) -> ParameterSet:
     """The arm with tool and counterweights, all eight parameters changed by physics; g7 and g8 are Taati Eqs. 16-17."""
     gravity = params.mounting.gravity
-    pi = (params.pi + point_mass_pi(tool.mass, L1, tool.distance, gravity)
-          + point_mass_pi(weights.upper, -weights.lever, 0.0, gravity)
-          + point_mass_pi(weights.fore, 0.0, -weights.lever, gravity))
+    pi = (
+        params.pi
+        + point_mass_pi(tool.mass, L1, tool.distance, gravity)
+        + point_mass_pi(weights.upper, -weights.lever, 0.0, gravity)
+        + point_mass_pi(weights.fore, 0.0, -weights.lever, gravity)
+    )
     return evolve(params, name=f"{params.name} with tool and counterweights", pi=pi)
 
 
-def balancing_weights(params: ParameterSet, tool: Attachment, lever: float = LEVER, upper_arm: float = L1) -> Counterweights:
+def balancing_weights(
+    params: ParameterSet, tool: Attachment, lever: float = LEVER, upper_arm: float = L1
+) -> Counterweights:
     """The masses that make g7 = g8 = 0 with the tool on, Taati Eqs. 18-19.
 
     `upper_arm` [m] is L1; the paper's text uses 0.216.
@@ -61,7 +68,9 @@ def balancing_weights(params: ParameterSet, tool: Attachment, lever: float = LEV
     return Counterweights(float(upper), float(fore), lever)
 
 
-def gravity_parameters(params: ParameterSet, tool: Attachment, weights: Counterweights, upper_arm: float = L1) -> np.ndarray:
+def gravity_parameters(
+    params: ParameterSet, tool: Attachment, weights: Counterweights, upper_arm: float = L1
+) -> np.ndarray:
     """(g7', g8') [N m] of Taati Eqs. 16-17 with any `upper_arm` [m], to show what the printed lengths give."""
     gravity = params.mounting.gravity
     moments = tool.mass * np.array([upper_arm, tool.distance]) - weights.lever * np.array([weights.upper, weights.fore])
@@ -89,9 +98,15 @@ def printed_figures(params: ParameterSet) -> tuple[PrintedFigure, ...]:
     text_weight = evolve(GCW_WEIGHT, lever=TEXT_LEVER)
     text = [*gravity_parameters(params, GIMBAL, text_weight, TEXT_UPPER_ARM)]
     right = [*gravity_parameters(params, GIMBAL, GCW_WEIGHT)]
-    for values, weights in ((text, balancing_weights(params, GIMBAL, TEXT_LEVER, TEXT_UPPER_ARM)),
-                            (right, balancing_weights(params, GIMBAL))):
+    for values, weights in (
+        (text, balancing_weights(params, GIMBAL, TEXT_LEVER, TEXT_UPPER_ARM)),
+        (right, balancing_weights(params, GIMBAL)),
+    ):
         values += [weights.upper, weights.fore]
-    names = (("g7' with gimbal and its weight", "N m", 0.0223, 4), ("g8' with gimbal and its weight", "N m", 0.0622, 4),
-             ("weight on motor two for balance", "kg", 0.248, 3), ("weight on motor three for balance", "kg", 0.091, 3))
+    names = (
+        ("g7' with gimbal and its weight", "N m", 0.0223, 4),
+        ("g8' with gimbal and its weight", "N m", 0.0622, 4),
+        ("weight on motor two for balance", "kg", 0.248, 3),
+        ("weight on motor three for balance", "kg", 0.091, 3),
+    )
     return tuple(PrintedFigure(*name, float(t), float(r)) for name, t, r in zip(names, text, right, strict=True))

@@ -26,7 +26,9 @@ class Motion:
 
 @frozen
 class Waves:
-    """Sums of sinusoids: frequency [rad/s], amplitude [rad], phase [rad], each (joints, waves), about `centre` (joints,)."""
+    """Sums of sinusoids: frequency [rad/s], amplitude [rad], phase [rad], each (joints, waves), about `centre`
+    (joints,).
+    """
 
     centre: np.ndarray = _array()
     frequency: np.ndarray = _array()
@@ -50,14 +52,20 @@ CENTRE = (0.0, 0.35, 0.45)
 
 
 def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, workspace: Workspace = LINKED) -> Motion:
-    """Free motion like the one of Taati 4.1: ten sinusoids of 0.11 to 5 rad/s a joint, no joint faster than `peak` [rad/s].
+    """Free motion like the one of Taati 4.1: ten sinusoids of 0.11 to 5 rad/s a joint, no joint faster than `peak`
+    [rad/s].
 
     Joint 1 reaches `peak`; joints 2 and 3 are made as fast as the linkage lets them be, with one common factor.
     """
     rng, time = np.random.default_rng(seed), np.arange(0.0, duration, 0.01)
     frequency = np.sort(rng.uniform(0.11, 5.0, (3, 10)), axis=-1)
     frequency[:, -1] = 5.0
-    waves = Waves(np.array(CENTRE), frequency, rng.uniform(0.2, 1.0, (3, 10)) * frequency / 5.0, rng.uniform(0, 2 * np.pi, (3, 10)))
+    waves = Waves(
+        np.array(CENTRE),
+        frequency,
+        rng.uniform(0.2, 1.0, (3, 10)) * frequency / 5.0,
+        rng.uniform(0, 2 * np.pi, (3, 10)),
+    )
     fastest = np.abs(waves.motion(time).dq).max(axis=0)
     waves = waves.scaled(peak / fastest)
     low, high = 0.0, 1.0
@@ -89,9 +97,13 @@ class Dissection:
 
 
 def dissect(params: ParameterSet, motion: Motion) -> Dissection:
-    """The five terms of M ddq + C dq + N + viscous + Coulomb along a motion (free: no tip force); Coulomb with sgn(dq)."""
+    """The five terms of M ddq + C dq + N + viscous + Coulomb along a motion (free: no tip force); Coulomb with
+    sgn(dq).
+    """
     q, dq, ddq = motion.q, motion.dq, motion.ddq
     inertial = np.einsum("nij,nj->ni", mass_matrix(params.pi, q), ddq)
     coriolis = np.einsum("nij,nj->ni", coriolis_matrix(params.pi, q, dq), dq)
     viscous, coulomb = params.viscous * dq, params.coulomb * direction(dq, 0.0)
-    return Dissection(params.name, motion.time, np.stack([inertial, coriolis, gravity_torque(params.pi, q), viscous, coulomb]))
+    return Dissection(
+        params.name, motion.time, np.stack([inertial, coriolis, gravity_torque(params.pi, q), viscous, coulomb])
+    )

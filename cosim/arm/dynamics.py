@@ -2,9 +2,9 @@
 
     M(q) ddq + C(q, dq) dq + N(q) + friction = tau + J^T f            (PHYSICS.md 1; Taati Eq. 2 with Eq. 4 put right)
 
-`pi` (..., 8) = (d1 .. d6 [kg m^2], g7, g8 [N m]); `q`, `dq`, `ddq`, `tau` (..., 3); `f` (..., 3) [N] is the force of the outside
-world on the tip, base frame. Leading axes broadcast. True for rigid links and for every pi, also for one that no arm can
-have; `forward_dynamics` needs M to be regular.
+`pi` (..., 8) = (d1 .. d6 [kg m^2], g7, g8 [N m]); `q`, `dq`, `ddq`, `tau` (..., 3); `f` (..., 3) [N] is the force of
+the outside world on the tip, base frame. Leading axes broadcast. True for rigid links and for every pi, also for one
+that no arm can have; `forward_dynamics` needs M to be regular.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def mass_matrix(pi: np.ndarray, q: np.ndarray) -> np.ndarray:
     _, _, _, p4, p5, p6, *_ = _columns(pi)
     q = np.asarray(q)
     m23 = -0.5 * p4 * np.sin(q[..., 1] - q[..., 2])
-    return matrix([[yaw_inertia(pi, q), 0.0, 0.0], [0.0, p5, m23], [0.0, m23, p6]])
+    return matrix([yaw_inertia(pi, q), 0.0, 0.0], [0.0, p5, m23], [0.0, m23, p6])
 
 
 def coriolis_matrix(pi: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -51,18 +51,18 @@ def coriolis_matrix(pi: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray
     w1, w2, w3 = np.moveaxis(np.asarray(dq), -1, 0)
     slope2, slope3 = yaw_inertia_slopes(pi, q)
     k = 0.5 * p4 * np.cos(q[..., 1] - q[..., 2])
-    return matrix([
+    return matrix(
         [0.5 * (slope2 * w2 + slope3 * w3), 0.5 * slope2 * w1, 0.5 * slope3 * w1],
         [-0.5 * slope2 * w1, 0.0, k * w3],
         [-0.5 * slope3 * w1, -k * w2, 0.0],
-    ])
+    )
 
 
 def gravity_torque(pi: np.ndarray, q: np.ndarray) -> np.ndarray:
     """N(q) = (0, p7 cos q2, p8 sin q3) (..., 3) [N m], the torque that holds the arm against gravity."""
     *_, p7, p8 = _columns(pi)
     q = np.asarray(q)
-    return matrix([[0.0, p7 * np.cos(q[..., 1]), p8 * np.sin(q[..., 2])]])[..., 0, :]
+    return matrix([0.0, p7 * np.cos(q[..., 1]), p8 * np.sin(q[..., 2])])[..., 0, :]
 
 
 def direction(dq: np.ndarray, velocity: float = COULOMB_VELOCITY) -> np.ndarray:
@@ -84,20 +84,22 @@ def inverse_dynamics(pi: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq: np.ndar
 
 
 def regressor(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """Y (..., 3, 8) with Y pi = M ddq + C dq + N: Taati Eq. 4 with the sign of dq2^2 in row 3 put right (MISPRINTS.md)."""
+    """Y (..., 3, 8) with Y pi = M ddq + C dq + N: Taati Eq. 4 with the sign of dq2^2 in row 3 put right
+    (MISPRINTS.md).
+    """
     q = np.asarray(q)
-    (s1, s2, s3), (c1, c2, c3) = np.moveaxis(np.sin(q), -1, 0), np.moveaxis(np.cos(q), -1, 0)
+    (_, s2, s3), (_, c2, c3) = np.moveaxis(np.sin(q), -1, 0), np.moveaxis(np.cos(q), -1, 0)
     (w1, w2, w3), (a1, a2, a3) = np.moveaxis(np.asarray(dq), -1, 0), np.moveaxis(np.asarray(ddq), -1, 0)
     sin2, cos2, sin3, cos3 = np.sin(2 * q[..., 1]), np.cos(2 * q[..., 1]), np.sin(2 * q[..., 2]), np.cos(2 * q[..., 2])
     s23, c23 = np.sin(q[..., 1] - q[..., 2]), np.cos(q[..., 1] - q[..., 2])
     yaw4 = a1 * c2 * s3 - w1 * w2 * s2 * s3 + w1 * w3 * c2 * c3
     upper4 = -0.5 * a3 * s23 + 0.5 * w1**2 * s2 * s3 + 0.5 * w3**2 * c23
     fore4 = -0.5 * a2 * s23 - 0.5 * w1**2 * c2 * c3 - 0.5 * w2**2 * c23
-    return matrix([
+    return matrix(
         [a1, a1 * cos2 - 2 * w1 * w2 * sin2, a1 * cos3 - 2 * w1 * w3 * sin3, yaw4, 0.0, 0.0, 0.0, 0.0],
         [0.0, w1**2 * sin2, 0.0, upper4, a2, 0.0, c2, 0.0],
         [0.0, 0.0, w1**2 * sin3, fore4, 0.0, a3, 0.0, s3],
-    ])
+    )
 
 
 def friction_regressor(dq: np.ndarray, velocity: float = COULOMB_VELOCITY) -> np.ndarray:
@@ -137,14 +139,22 @@ def solve_mass(pi: np.ndarray, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
     m23 = -0.5 * _columns(pi)[3] * np.sin(q[..., 1] - q[..., 2])
     determinant = p5 * p6 - m23**2
     t1, t2, t3 = np.moveaxis(torque, -1, 0)
-    return matrix([[t1 / yaw_inertia(pi, q), (p6 * t2 - m23 * t3) / determinant, (p5 * t3 - m23 * t2) / determinant]])[..., 0, :]
+    upper, fore = (p6 * t2 - m23 * t3) / determinant, (p5 * t3 - m23 * t2) / determinant
+    return matrix([t1 / yaw_inertia(pi, q), upper, fore])[..., 0, :]
 
 
-def forward_dynamics(params: ParameterSet, q: np.ndarray, dq: np.ndarray, tau: np.ndarray, f: np.ndarray,
-                     velocity: float = COULOMB_VELOCITY) -> np.ndarray:
+def forward_dynamics(
+    params: ParameterSet,
+    q: np.ndarray,
+    dq: np.ndarray,
+    tau: np.ndarray,
+    f: np.ndarray,
+    velocity: float = COULOMB_VELOCITY,
+) -> np.ndarray:
     """ddq = M^-1 (tau + J^T f - C dq - N - friction) (..., 3) [rad/s^2].
 
-    Meaningless where M is not positive definite, which identified parameter sets reach: ask `cosim.arm.workspace` first.
+    Meaningless where M is not positive definite, which identified parameter sets reach: ask `cosim.arm.workspace`
+    first.
     """
     q, dq = np.asarray(q), np.asarray(dq)
     outside = np.einsum("...ji,...j->...i", jacobian(q), np.asarray(f))

@@ -53,24 +53,26 @@ def segment_pi(segments: Segments = Segments(), gravity: float = G) -> np.ndarra
     a, c, be, df = segments.a, segments.c, segments.be, segments.df
     l3, l5, l6 = segments.l3, segments.l5, segments.l6
     yaw = a.yy + a.zz + 2 * segments.base_yy + be.yy + be.zz + c.yy + c.zz + df.yy + df.zz
-    return np.array([
-        yaw / 2 + (4 * L1**2 * a.mass + L2**2 * a.mass + L1**2 * c.mass + 4 * l3**2 * c.mass) / 8,
-        (be.yy - be.zz + c.yy - c.zz) / 2 + L1**2 * (4 * a.mass + c.mass) / 8,
-        (a.yy - a.zz + df.yy - df.zz) / 2 - (L2**2 * a.mass + 4 * l3**2 * c.mass) / 8,
-        L1 * (L2 * a.mass + l3 * c.mass),
-        be.xx + c.xx + L1**2 * a.mass + L1**2 * c.mass / 4,
-        a.xx + df.xx + L2**2 * a.mass / 4 + l3**2 * c.mass,
-        gravity / 2 * (2 * L1 * a.mass + 2 * l5 * be.mass + L1 * c.mass),
-        gravity / 2 * (L2 * a.mass + 2 * l3 * c.mass - 2 * l6 * df.mass),
-    ])
+    return np.array(
+        [
+            yaw / 2 + (4 * L1**2 * a.mass + L2**2 * a.mass + L1**2 * c.mass + 4 * l3**2 * c.mass) / 8,
+            (be.yy - be.zz + c.yy - c.zz) / 2 + L1**2 * (4 * a.mass + c.mass) / 8,
+            (a.yy - a.zz + df.yy - df.zz) / 2 - (L2**2 * a.mass + 4 * l3**2 * c.mass) / 8,
+            L1 * (L2 * a.mass + l3 * c.mass),
+            be.xx + c.xx + L1**2 * a.mass + L1**2 * c.mass / 4,
+            a.xx + df.xx + L2**2 * a.mass / 4 + l3**2 * c.mass,
+            gravity / 2 * (2 * L1 * a.mass + 2 * l5 * be.mass + L1 * c.mass),
+            gravity / 2 * (L2 * a.mass + 2 * l3 * c.mass - 2 * l6 * df.mass),
+        ]
+    )
 
 
 def point_mass_pi(mass: float, along_upper: float, along_fore: float, gravity: float = G) -> np.ndarray:
     """What a point mass [kg] adds to pi (8,) when it sits `along_upper` and `along_fore` [m] from the shoulder.
 
-    Its radial distance is a cos q2 + b sin q3 and its height a sin q2 - b cos q3; its kinetic and potential energy expand to
-    (a^2 + b^2)/2, a^2/2, -b^2/2, 2 a b, a^2, b^2 times the mass, and a, b times the weight. Taati Eqs. 16-17 are the last two.
-    `gravity` is negative for an arm that hangs upside down.
+    Its radial distance is a cos q2 + b sin q3 and its height a sin q2 - b cos q3; its kinetic and potential energy
+    expand to (a^2 + b^2)/2, a^2/2, -b^2/2, 2 a b, a^2, b^2 times the mass, and a, b times the weight. Taati Eqs.
+    16-17 are the last two. `gravity` is negative for an arm that hangs upside down.
     """
     a, b = along_upper, along_fore
     inertial = np.array([(a**2 + b**2) / 2, a**2 / 2, -(b**2) / 2, 2 * a * b, a**2, b**2])

@@ -31,7 +31,9 @@ class Workspace:
         return inside & (difference >= self.linkage_low) & (difference <= self.linkage_high)
 
     def clip(self, q: np.ndarray) -> np.ndarray:
-        """A pose (..., 3) inside the workspace near `q`: box first, then q3 moved to what the linkage allows for that q2."""
+        """A pose (..., 3) inside the workspace near `q`: box first, then q3 moved to what the linkage allows for
+        that q2.
+        """
         q = np.clip(np.asarray(q, dtype=float), self.low, self.high)
         lowest = np.maximum(self.low[2], q[..., 1] - self.linkage_high)
         highest = np.minimum(self.high[2], q[..., 1] - self.linkage_low)
@@ -63,7 +65,9 @@ class SingularityKind(Enum):
 
 @frozen
 class Singularity:
-    """How near one pose is to a singularity of J: determinant l1 l2 r cos(q2 - q3) [m^3], smallest singular value [m/rad]."""
+    """How near one pose is to a singularity of J: determinant l1 l2 r cos(q2 - q3) [m^3], smallest singular value
+    [m/rad].
+    """
 
     kind: SingularityKind
     radius: float
@@ -77,8 +81,12 @@ def singularity(q: np.ndarray, tolerance: float = 1e-3) -> Singularity:
     q = np.asarray(q, dtype=float)
     r, cosine = float(radius(q)), float(np.cos(q[1] - q[2]))
     axis, line = abs(r) < tolerance * (L1 + L2), abs(cosine) < tolerance
-    kind = {(False, False): SingularityKind.NONE, (True, False): SingularityKind.AXIS,
-            (False, True): SingularityKind.STRETCHED, (True, True): SingularityKind.BOTH}[axis, line]
+    kind = {
+        (False, False): SingularityKind.NONE,
+        (True, False): SingularityKind.AXIS,
+        (False, True): SingularityKind.STRETCHED,
+        (True, True): SingularityKind.BOTH,
+    }[axis, line]
     smallest = float(np.linalg.svd(jacobian(q), compute_uv=False)[-1])
     return Singularity(kind, r, cosine, L1 * L2 * r * cosine, smallest)
 
@@ -87,9 +95,9 @@ def singularity(q: np.ndarray, tolerance: float = 1e-3) -> Singularity:
 class Definiteness:
     """Is M > 0 over a workspace? Global minima of M11 and of the smaller eigenvalue of the (q2, q3) block [kg m^2].
 
-    `pose` (q2, q3) [rad] is where M11 is smallest, `difference` the q2 - q3 where the block is; `bound` is a proven lower bound of
-    M11, so `least_yaw` is the minimum to within least_yaw - bound; `negative_share` is the part of the polygon where M is
-    not positive definite.
+    `pose` (q2, q3) [rad] is where M11 is smallest, `difference` the q2 - q3 where the block is; `bound` is a proven
+    lower bound of M11, so `least_yaw` is the minimum to within least_yaw - bound; `negative_share` is the part of
+    the polygon where M is not positive definite.
     """
 
     least_yaw: float
@@ -131,7 +139,9 @@ def block_eigenvalue(pi: np.ndarray, difference: np.ndarray) -> np.ndarray:
 
 
 def _least_block(pi: np.ndarray, workspace: Workspace) -> tuple[float, float]:
-    """The eigenvalue falls with |sin(q2 - q3)|, which is largest at the ends of the interval or at +-90 deg inside it."""
+    """The eigenvalue falls with |sin(q2 - q3)|, which is largest at the ends of the interval or at +-90 deg inside
+    it.
+    """
     low = max(workspace.linkage_low, workspace.low[1] - workspace.high[2])
     high = min(workspace.linkage_high, workspace.high[1] - workspace.low[2])
     candidates = np.array([low, high, *(k * np.pi / 2 for k in (-3, -1, 1, 3) if low < k * np.pi / 2 < high)])
@@ -142,8 +152,9 @@ def _least_block(pi: np.ndarray, workspace: Workspace) -> tuple[float, float]:
 def _least_yaw(pi: np.ndarray, workspace: Workspace, rounds: int = 40) -> tuple[float, float, tuple[float, float]]:
     """Global minimum of M11 over the polygon: value, proven lower bound, pose.
 
-    A cell of half widths h2, h3 about c holds no value below M11(c) - |D2| h2 - |D3| h3 - (K22 h2^2 + 2 K23 h2 h3 + K33 h3^2)/2,
-    with K the bounds of the second derivatives; cells that cannot hold the minimum are dropped, the others are cut in four.
+    A cell of half widths h2, h3 about c holds no value below M11(c) - |D2| h2 - |D3| h3 - (K22 h2^2 + 2 K23 h2 h3 +
+    K33 h3^2)/2, with K the bounds of the second derivatives; cells that cannot hold the minimum are dropped, the
+    others are cut in four.
     """
     low, high = np.array(workspace.low[1:]), np.array(workspace.high[1:])
     curvature = abs(pi[3]) + 4 * np.abs(pi[1:3])
@@ -175,8 +186,12 @@ def _touches(cells: np.ndarray, half: np.ndarray, workspace: Workspace) -> np.nd
     return (difference + reach >= workspace.linkage_low) & (difference - reach <= workspace.linkage_high)
 
 
-def definite_map(pi: np.ndarray, workspace: Workspace = LINKED, count: int = 181) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smallest eigenvalue of M over the (q2, q3) plane: ticks q2 (n,), q3 (n,) [rad], values (n, n) with NaN outside."""
+def definite_map(
+    pi: np.ndarray, workspace: Workspace = LINKED, count: int = 181
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smallest eigenvalue of M over the (q2, q3) plane: ticks q2 (n,), q3 (n,) [rad], values (n, n) with NaN
+    outside.
+    """
     pi = np.asarray(pi, dtype=float)
     q2 = np.linspace(workspace.low[1], workspace.high[1], count)
     q3 = np.linspace(workspace.low[2], workspace.high[2], count)
@@ -187,7 +202,9 @@ def definite_map(pi: np.ndarray, workspace: Workspace = LINKED, count: int = 181
 
 
 def mesh(workspace: Workspace = LINKED, count: int = 81) -> np.ndarray:
-    """Poses (count, count, 3) with q1 = 0 that cover the (q2, q3) polygon to its edges: q2 along axis 0, q3 across the strip."""
+    """Poses (count, count, 3) with q1 = 0 that cover the (q2, q3) polygon to its edges: q2 along axis 0, q3 across
+    the strip.
+    """
     q2 = np.linspace(workspace.low[1], workspace.high[1], count)[:, None]
     lower = np.maximum(workspace.low[2], q2 - workspace.linkage_high)
     upper = np.minimum(workspace.high[2], q2 - workspace.linkage_low)
@@ -201,11 +218,16 @@ def _negative_share(pi: np.ndarray, workspace: Workspace) -> float:
 
 
 def outline(workspace: Workspace = LINKED, count: int = 60) -> np.ndarray:
-    """Poses (n, 3) with q1 = 0 along the edge of the (q2, q3) polygon, in order: their tips outline the reachable section."""
+    """Poses (n, 3) with q1 = 0 along the edge of the (q2, q3) polygon, in order: their tips outline the reachable
+    section.
+    """
     q2 = np.linspace(workspace.low[1], workspace.high[1], count)
     lower = np.maximum(workspace.low[2], q2 - workspace.linkage_high)
     upper = np.minimum(workspace.high[2], q2 - workspace.linkage_low)
-    edge = [np.stack([q2, lower], axis=-1), np.stack([np.full(count, q2[-1]), np.linspace(lower[-1], upper[-1], count)], axis=-1),
-            np.stack([q2, upper], axis=-1)[::-1],
-            np.stack([np.full(count, q2[0]), np.linspace(upper[0], lower[0], count)], axis=-1)]
+    edge = [
+        np.stack([q2, lower], axis=-1),
+        np.stack([np.full(count, q2[-1]), np.linspace(lower[-1], upper[-1], count)], axis=-1),
+        np.stack([q2, upper], axis=-1)[::-1],
+        np.stack([np.full(count, q2[0]), np.linspace(upper[0], lower[0], count)], axis=-1),
+    ]
     return np.insert(np.concatenate(edge), 0, 0.0, axis=1)

@@ -31,7 +31,9 @@ def section_figure(params: ParameterSet, workspace: Workspace, levels: Sequence[
     mass = np.clip(heaviest_direction(params.pi, q)[0], levels[0], levels[-1])
     definite = (yaw_inertia(params.pi, q) > 0) & (block_eigenvalue(params.pi, q[..., 1] - q[..., 2]) > 0)
     axis.contourf(*_section(q), np.where(definite, 0.0, 1.0), levels=[0.5, 1.5], colors=[NOT_DEFINITE])
-    drawn = axis.contourf(*_section(q), np.where(definite, np.log(mass), np.nan), levels=np.log(levels), cmap="viridis_r")
+    drawn = axis.contourf(
+        *_section(q), np.where(definite, np.log(mass), np.nan), levels=np.log(levels), cmap="viridis_r"
+    )
     bar = fig.colorbar(drawn, ax=axis, label="tip mass in its heaviest direction [kg]", ticks=np.log(levels))
     bar.set_ticklabels([f"{level:g}" for level in levels])
     axis.plot(*_section(outline(BOX)), color=GREY, lw=0.9, ls="--", label="edges of Sallam's box alone")
@@ -50,7 +52,9 @@ def _draw_arm(axis) -> None:
 
 
 def definite_figure(params: ParameterSet, workspace: Workspace, found: Definiteness) -> str:
-    """M11 and the smaller eigenvalue of the (q2, q3) block of one set over the polygon, each with its zero line and least pose."""
+    """M11 and the smaller eigenvalue of the (q2, q3) block of one set over the polygon, each with its zero line and
+    least pose.
+    """
     q = mesh(workspace)
     fig, axes = figure(1, 2, width=9.6, height=4.2)
     values = (yaw_inertia(params.pi, q), block_eigenvalue(params.pi, q[..., 1] - q[..., 2]))
@@ -72,7 +76,7 @@ def definite_maps_figure(sets: Sequence[ParameterSet], workspace: Workspace) -> 
     for axis, params in zip(axes.flat, sets, strict=False):
         drawn = _definite_axes(axis, params, workspace)
         axis.set(title=params.name, xticks=(-50, 0, 50, 100), yticks=(0, 50, 100, 150))
-    for axis in axes.flat[len(sets):]:
+    for axis in axes.flat[len(sets) :]:
         axis.set_axis_off()
     for axis in axes[:, 0]:
         axis.set_ylabel("q3 [deg]")

@@ -206,11 +206,27 @@ def mean_age(algorithm: Algorithm, producer: Unit, consumer: Unit, ahead: bool, 
     1 and 1/2, Gauss-Seidel behind its producer 0 and -1/2. To first order in the step a loop cannot tell this age from a
     delay; an input on a line has none (its error is of second order).
     """
-    k = consumer.multiple
-    acts = Fraction(k, 2) if integrates else Fraction(k)
-    starts = range(0, math.lcm(k, producer.multiple), k)
-    ages = [now + acts - Timing.of(algorithm, now, producer, consumer, ahead).held for now in starts]
-    return sum(ages, Fraction(0)) / len(ages)
+    return chain_age(algorithm, (producer, consumer), (ahead,), integrates)
+
+
+def chain_age(algorithm: Algorithm, chain: Sequence[Unit], ahead: Sequence[bool], integrates: bool) -> Fraction:
+    """Mean age of a signal that is held from component to component, in communication steps; exact for all multiples.
+
+    `ahead[i]` says whether chain[i] steps before chain[i + 1]. Each value is followed back: the last component's step from
+    `now` uses a value that its producer gave at the time `held`, computed in the step from held - k, and so on. (The
+    ages of single hops add up to this where all multiples are equal; else it matters which values are passed on.)
+    """
+    last = chain[-1].multiple
+    acts = Fraction(last, 2) if integrates else Fraction(last)
+    starts = range(0, math.lcm(*(unit.multiple for unit in chain)), last)
+    total = Fraction(0)
+    for start in starts:
+        now = start
+        for i in range(len(chain) - 1, 0, -1):
+            held = Timing.of(algorithm, now, chain[i - 1], chain[i], ahead[i - 1]).held
+            now = held - chain[i - 1].multiple
+        total += start + acts - held
+    return total / len(starts)
 
 
 def seconds(steps: int, step_ns: int) -> float:

@@ -9,7 +9,7 @@ from attrs import evolve, field, frozen
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario import Algorithm, Connection, Extrapolation, Scenario, start_values
-from cosim.schedule import Port, Schedule, Unit, build_schedule, mean_age
+from cosim.schedule import Port, Schedule, Unit, build_schedule, chain_age, mean_age
 from cosim.signals import Description, Signal, Variable, index_of, stem
 
 
@@ -35,7 +35,9 @@ class Hop:
 
 @frozen
 class Path:
-    """A way of a signal through components, and the sum of the ages of its hops [s] (the channels' own delay not counted)."""
+    """A way of a signal through components, and the mean age that it gains there [s], the channels' own delay not counted.
+
+    With equal step multiples the age is the sum of the ages of the hops."""
 
     components: tuple[str, ...]
     age: float
@@ -440,10 +442,9 @@ def _timed(wiring: Wiring) -> Wiring:
     if scenario.arms is None:
         return timed
     local, remote = scenario.arms
-    return evolve(
-        timed, lr=_paths(timed, local, remote), rl=_paths(timed, remote, local),
-        loops_l=_paths(timed, local, local), loops_r=_paths(timed, remote, remote),
-    )  # fmt: skip
+    by_name = {unit.name: unit for unit in units}
+    ways = {"lr": (local, remote), "rl": (remote, local), "loops_l": (local, local), "loops_r": (remote, remote)}
+    return evolve(timed, **{key: _paths(timed, *way, by_name) for key, way in ways.items()})
 
 
 def _units(wiring: Wiring) -> list[Unit]:
@@ -472,24 +473,47 @@ def _hop(wiring: Wiring, connection: Connection, units: list[Unit]) -> Hop:
     return Hop(connection, len(links), unit, linear, float(age * experiment.step_ns) / 1e9)
 
 
-def _paths(wiring: Wiring, start: str, end: str) -> tuple[Path, ...]:
-    """Simple paths between components that pass through no arm on the way, with the sum of their ages."""
-    ages: dict[tuple[str, str], float] = {}
+def _paths(wiring: Wiring, start: str, end: str, units: Mapping[str, Unit]) -> tuple[Path, ...]:
+    """Simple paths between components that pass through no arm on the way, with the age of each."""
+    pairs: dict[tuple[str, str], bool] = {}
     for hop in wiring.hops:
         pair = hop.connection.source.component, hop.connection.target.component
-        ages[pair] = max(hop.age, ages.get(pair, hop.age))
+        pairs[pair] = pairs.get(pair, True) and hop.linear
     arms = set(wiring.scenario.arms or ())
     found, stack = [], [(start,)]
     while stack and len(found) < 64:
         path = stack.pop()
-        for a, b in ages:
+        for a, b in pairs:
             if a != path[-1]:
                 continue
             if b == end:
                 found.append(path + (b,))
             elif b not in path and b not in arms:
                 stack.append(path + (b,))
-    return tuple(Path(p, sum(ages[pair] for pair in zip(p, p[1:]))) for p in sorted(found, key=len))
+    return tuple(Path(p, _path_age(wiring, p, pairs, units)) for p in sorted(found, key=len))
+
+
+def _path_age(wiring: Wiring, path: tuple[str, ...], linear: Mapping[tuple[str, str], bool], units: Mapping[str, Unit]) -> float:
+    """Age of a path [s]: chains of held hops one by one, each ending where a hop is on a line or a component integrates."""
+    experiment, age, chain = wiring.scenario.experiment, Fraction(0), [path[0]]
+    for a, b in zip(path, path[1:]):
+        integrates = wiring.descriptions[b].integrates
+        if linear[a, b]:
+            age += _chain_age(wiring, chain, units, False)
+            chain = [b]
+            continue
+        chain.append(b)
+        if integrates:
+            age += _chain_age(wiring, chain, units, True)
+            chain = [b]
+    return float((age + _chain_age(wiring, chain, units, False)) * experiment.step_ns) / 1e9
+
+
+def _chain_age(wiring: Wiring, chain: list[str], units: Mapping[str, Unit], integrates: bool) -> Fraction:
+    if len(chain) < 2:
+        return Fraction(0)
+    ahead = [wiring.order.index(a) < wiring.order.index(b) for a, b in zip(chain, chain[1:])]
+    return chain_age(wiring.scenario.experiment.algorithm, [units[name] for name in chain], ahead, integrates)
 
 
 def direction_table(wiring: Wiring) -> list[tuple[str, str, float]]:

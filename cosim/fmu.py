@@ -318,6 +318,22 @@ class FmuSlave(Slave):
         for bank in self.getters:
             bank.get(self)
 
+    def jacobian(self, unknowns: Sequence[str], knowns: Sequence[str]) -> np.ndarray:
+        """Partial derivatives (unknowns, knowns) of outputs and state derivatives at the present state, by the FMU itself.
+
+        Raises RunError where the FMU gives no directional derivatives.
+        """
+        found, column = np.zeros((len(unknowns), len(knowns))), np.zeros(len(unknowns))
+        call, rows, seed = self.function("GetDirectionalDerivative"), self.references(unknowns), np.ones(1)
+        double = ctypes.c_double
+        for k, known in enumerate(knowns):
+            sizes = (1,) if self.prefix == "fmi2" else (1, _pointer(seed, double), 1)
+            arguments = [self.component, rows, len(unknowns), self.references([known]), *sizes]
+            arguments += [_pointer(seed, double), _pointer(column, double)] if self.prefix == "fmi2" else [_pointer(column, double), len(unknowns)]
+            self.check(call(*arguments), f"directional derivative by {known}")
+            found[:, k] = column
+        return found
+
     def close(self) -> None:
         if self.fmu is not None:
             fmu, self.fmu = self.fmu, None

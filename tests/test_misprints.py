@@ -309,6 +309,18 @@ def test_taati_observation_6_is_true_of_the_whole_friction():
             assert order(dynamics.friction_torque(parameter_set(name), np.full(3, speed), 0.0)) == (1, 3, 2)
 
 
+def test_taati_statements_that_table_1_does_not_bear_out():
+    """Observation 3 (only gravity's sign changes upside down), 4.1 (gravity halved, nullified), Eq. 17 for USD+GCW."""
+    ur, usd, gcw, down = (parameter_set(name).pi for name in ("UR", "USD", "GCW", "USD+GCW"))
+    assert np.all(usd[4:6] / ur[4:6] > 1.3)  # d5 and d6 grow by a third, though nothing was mounted
+    assert 1 - parameter_set("FS").pi[7] / ur[7] == pytest.approx(0.37, abs=0.005)  # "by half"
+    assert 1 - abs(gcw[7] / ur[7]) == pytest.approx(0.58, abs=0.005)  # "practically nullifies"
+    assert abs(down[7] / usd[7]) == pytest.approx(1.03, abs=0.005)  # and not at all upside down
+    gimbal = G * 0.09 * 0.195
+    assert abs(ur[7] + gimbal - gcw[7]) < 0.016  # Eq. 17 upright: 62.2 against 46.5 mN m
+    assert abs(usd[7] - gimbal - down[7]) > 0.045  # upside down: -63.4 against -112.5 mN m
+
+
 def test_piecewise_column_is_not_met_tighter():
     """Whichever reference points the segments' inertias are given for (centre or joint), 3.8 % is the best worst
     row.

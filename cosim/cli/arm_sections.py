@@ -90,7 +90,8 @@ def definite(arm: ParameterSet, found: Definiteness) -> Section:
     text = (
         "M11 is minimised over box and linkage by branch and bound: the value is the proven global minimum, not the "
         "best of a grid. The smaller eigenvalue of the (q2, q3) block depends on |sin(q2 - q3)| only. Taati 3.2 "
-        "reports M > 0 with a smallest eigenvalue of 1.8e-3 for all configurations, which the table does not bear out (MISPRINTS.md)."
+        "reports M > 0 with a smallest eigenvalue of 1.8e-3 for all configurations, which the table does not bear out "
+        "(MISPRINTS.md)."
     )
     table = Table(header, [(params.name, *_definite_cells(params)) for params in shown],
                   "Inertias in 1e-3 kg m^2; box alone: least M11 without the linkage's limits.")  # fmt: skip
@@ -116,7 +117,8 @@ def own_dissection(found: Dissection, motion: Motion) -> Section:
     fastest = ", ".join(f"{value:.2f}" for value in np.abs(motion.dq).max(axis=0))
     text = (
         f"Free random motion inside box and linkage; fastest joint rates {fastest} rad/s (Taati: 3.5 rad/s). Share: "
-        "mean absolute value of a term over the sum of the five. The shares of gravity and inertia depend on pose and speed."
+        "mean absolute value of a term over the sum of the five. The shares of gravity and inertia depend on pose and "
+        "speed."
     )
     figure = Figure(dissection_figure(found, 20.0), "The five terms over the first 20 s, like Taati Fig. 10.")
     return Section("This arm", text, [Table(header, rows)], [figure])

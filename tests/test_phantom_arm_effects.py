@@ -229,7 +229,7 @@ def test_hysteresis_is_dahls():
     run = m.run(100, 1e-3, {"tau": [0.01, 0, 0]}, ("q", "z", "dq"))
     assert run["q"][-1, 0] > 0.01 and np.abs(run["z"][:, 0] - (1 - np.exp(-run["q"][:, 0] / 0.01))).max() < 1e-5
     wild = CompiledModel("PhantomArm", hysteresis=[1e-3] * 3, hysteresis_length=[1e-5] * 3, dq_start=[3, 3, -3]).start()
-    assert np.abs(wild.run(300, 1e-3, watch=("z",))["z"]).max() <= 1
+    assert np.abs(wild.run(300, 1e-3, watch=("z",))["z"]).max() <= 1.001
 
 
 RICH = {"viscous": [1e-3] * 3, "coulomb": [5e-3] * 3, "stribeck": [2e-3] * 3, "hysteresis": [1e-3] * 3, "torque_saturation": [1.0] * 3,

@@ -118,7 +118,7 @@ static const char *sample(Model *m, double t)
         m->delayed_count = ring.count;
         if (problem) return problem;
     }
-    m->z = real_clamp(m->z, -1.0, 1.0);
+    m->z = joint_hysteresis_limit(m->z);
     for (int i = 0; i < AXIS_STATES; i++)
         if (!(fabs(state[i]) < 1e6)) m->domain = 0;
     if (m->domain == 0) memcpy(AXIS_STATE(m), m->kept, sizeof m->kept);

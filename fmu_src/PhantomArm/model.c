@@ -299,7 +299,7 @@ static const char *finish_joints(Model *m, double t)
         const Joint j = joint_of(m, i);
         const char *problem = joint_check_step(&j, i + 1, step, m->internal_steps, text, sizeof m->text);
         if (problem) return problem;
-        m->z[i] = real_clamp(m->z[i], -1.0, 1.0);
+        m->z[i] = joint_hysteresis_limit(m->z[i]);
     }
     if (!(longest > 0)) return NULL;
     Ring ring = delayed_ring(m);

@@ -91,6 +91,10 @@ static inline double joint_hysteresis_rate(const Joint *j, double dq, double z)
     return (dq - fabs(dq) * real_clamp(z, -1.0, 1.0)) / j->hysteresis_length;
 }
 
+/* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left alone: in
+ * model exchange a changed state is an event. */
+static inline double joint_hysteresis_limit(double z) { return fabs(z) > 1.001 ? (z > 0 ? 1.0 : -1.0) : z; }
+
 /* The amplifier: (1 + gain) u, then the deadband, then the limit (N m). */
 static inline double joint_delivered(const Joint *j, double command)
 {

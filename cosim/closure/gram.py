@@ -15,7 +15,8 @@ PENALTIES = (0.0, *np.geomspace(1e-5, 1e2, 15))  # of the scaled diagonal, for c
 class Gram:
     """Normal equations: g (B, J, p, p), h (B, J, p), s (B, J), rows (B, J); the first `train` blocks are fitted.
 
-    The first `shrunk` columns are given ones that are too many for the fitted blocks: they get a penalty (ridge).
+    The first `shrunk` columns are given ones that are too many for the fitted blocks: they get a penalty (ridge), chosen by
+    leaving out `group` (train,), the runs of the fitted blocks, or blocks where there are fewer than four runs.
     """
 
     g: np.ndarray
@@ -24,6 +25,7 @@ class Gram:
     rows: np.ndarray
     train: int
     shrunk: int = 0
+    group: np.ndarray | None = None
 
     @property
     def size(self) -> int:
@@ -32,7 +34,7 @@ class Gram:
 
     def pick(self, columns: np.ndarray) -> "Gram":
         """The normal equations of a subset of the columns."""
-        return Gram(self.g[..., columns[:, None], columns], self.h[..., columns], self.s, self.rows, self.train, int(np.sum(columns < self.shrunk)))
+        return Gram(self.g[..., columns[:, None], columns], self.h[..., columns], self.s, self.rows, self.train, int(np.sum(columns < self.shrunk)), self.group)
 
 
 @frozen(eq=False)
@@ -56,18 +58,27 @@ class Fit:
 
 
 def fit(gram: Gram) -> Fit:
-    """Least squares on the fitted blocks, delete-one-block jackknife, errors of each block with a model that has not seen it.
+    """Least squares on the fitted blocks, delete-one-block jackknife, errors of each block with a model that has not seen it."""
+    return _fitted(gram, _penalty(gram) if gram.shrunk else 0.0)
 
-    A penalty is the largest whose left-out error is within one standard error of the best (Hastie et al., ESL 7.10).
-    """
-    if not gram.shrunk:
-        return _fitted(gram, 0.0)
-    fits = [_fitted(gram, penalty) for penalty in PENALTIES]
-    errors = np.array([f.sse[: gram.train].sum(axis=1) for f in fits])
-    best = int(errors.sum(axis=1).argmin())
-    worse = errors - errors[best]
-    allowed = np.sqrt(gram.train) * worse.std(axis=1, ddof=1)
-    return fits[int(np.flatnonzero(worse.sum(axis=1) <= allowed).max())]
+
+def _penalty(gram: Gram) -> float:
+    """The largest penalty whose left-out error is within one standard error of the best (Hastie et al., ESL 7.10)."""
+    group = gram.group if gram.group is not None and len(np.unique(gram.group)) >= 4 else np.arange(gram.train)
+    member = (group[:, None] == np.unique(group)).astype(float).T
+    parts = [member @ x[: gram.train].sum(axis=1).reshape(gram.train, -1) for x in (gram.g, gram.h, gram.s)]
+    g, h, s = parts[0].reshape(-1, gram.size, gram.size), parts[1], parts[2][:, 0]
+    scale = 1 / np.sqrt(np.maximum(np.diag(g.sum(axis=0)), 1e-300))
+    g, h = g * scale[:, None] * scale, h * scale
+    errors = []
+    for penalty in PENALTIES:
+        extra = np.full(gram.size, RIDGE)
+        extra[: gram.shrunk] += penalty
+        beta = np.linalg.solve(g.sum(axis=0) - g + np.diag(extra), (h.sum(axis=0) - h)[..., None])[..., 0]
+        errors.append(s - 2 * (h * beta).sum(axis=1) + np.einsum("bp,bpq,bq->b", beta, g, beta))
+    worse = np.array(errors) - errors[int(np.sum(errors, axis=1).argmin())]
+    allowed = np.sqrt(len(g)) * worse.std(axis=1, ddof=1)
+    return PENALTIES[int(np.flatnonzero(worse.sum(axis=1) <= allowed).max())]
 
 
 def _fitted(gram: Gram, penalty: float) -> Fit:
@@ -94,7 +105,7 @@ def squared_error(gram: Gram, beta: np.ndarray) -> np.ndarray:
     return np.maximum(gram.s - 2 * linear + quadratic, 0.0)
 
 
-def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: int, train: int, shrunk: int = 0) -> Gram:
+def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: int, train: int) -> Gram:
     """Normal equations of columns (J, m, p) and y (J, m), rows of weight zero already zeroed; rows must be sorted by block or not."""
     joints, _, p = columns.shape
     order = np.argsort(block, kind="stable")
@@ -105,4 +116,4 @@ def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: in
         for b in range(blocks):
             part, target = x[edges[b] : edges[b + 1]], t[edges[b] : edges[b + 1]]
             g[b, j], h[b, j], s[b, j] = part.T @ part, target @ part, target @ target
-    return Gram(g, h, s, np.zeros((blocks, joints)), train, shrunk)
+    return Gram(g, h, s, np.zeros((blocks, joints)), train)

@@ -84,7 +84,10 @@ class Model:
     @cached_property
     def gram(self) -> Gram:
         rows = self.setting.rows
-        return accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks, self.setting.shrunk)
+        run = np.zeros(rows.blocks, int)
+        run[rows.block] = self.setting.motion.run[rows.index]
+        normal = accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks)
+        return evolve(normal, shrunk=self.setting.shrunk, group=run[: rows.train_blocks])
 
     @cached_property
     def fit(self) -> Fit:

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.candidates import Candidate, screen
-from cosim.closure.evidence import Evidence, weigh
+from cosim.closure.evidence import Evidence, relative_error, weigh
 from cosim.closure.model import Choice, Model, settled, with_choices
 from cosim.effects import Effect
 
@@ -116,7 +116,7 @@ def _refined(model: Model, number: int) -> Choice:
 def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choice:
     def error(theta: tuple[float, ...]) -> float:
         others = (*model.choices[:number], evolve(choice, theta=theta), *model.choices[number + 1 :])
-        return float(with_choices(model, others, passes=0).joint_error()[0].sum())
+        return float(relative_error(with_choices(model, others, passes=0))[0].sum())
 
     best, value = choice.theta, error(choice.theta)
     for step in (0.25, 0.12, 0.06, 0.03, 0.015):

@@ -89,7 +89,8 @@ typedef struct {
 } Job;
 
 typedef struct {
-    real inputs[MAX_INPUTS], slopes[MAX_INPUTS], outputs[MAX_OUTPUTS];
+    real inputs[MAX_INPUTS], slopes[MAX_INPUTS], moved[MAX_INPUTS], outputs[MAX_OUTPUTS];
+    ArmPose pose; /* ARM: of the present state */
     real numbers[31];
     real state[6], kept[6];
     mask indefinite, inside;
@@ -107,11 +108,10 @@ static inline void keep(double *p, real r) { memcpy(p, &r, sizeof r); }
 static inline mask none(void) { return real_of(0.0) > real_of(1.0); }
 
 /* ddq of PhantomArm's model.c, its plain branch, term by term in its order. */
-static inline void acceleration(Lane *a, const Component *c, const real u[12], const real q[3], const real dq[3], real ddq[3])
+static inline void acceleration(Lane *a, const Component *c, const ArmPose p, const real dq[3], real ddq[3])
 {
-    const real *n = a->numbers;
+    const real *n = a->numbers, *u = a->moved;
     real torque[3], force[3], part[3], coriolis[3], gravity[3], balance[3];
-    const ArmPose p = arm_pose(q);
     const ArmInertia inertia = arm_inertia(n, &p);
     arm_torque_of_force(&p, u + 6, part);
     for (int i = 0; i < 3; i++) torque[i] = u[i] + part[i];
@@ -139,38 +139,41 @@ static inline void acceleration(Lane *a, const Component *c, const real u[12], c
     a->indefinite = a->indefinite | (ok == none());
 }
 
-static inline void inputs_at(const Lane *a, double offset, real u[12])
+/* u(t_n + offset) = u(t_n) + slope offset, wired inputs. */
+static inline void move_inputs(Lane *a, const Component *c, double offset)
 {
-    for (int i = 0; i < 12; i++) u[i] = a->inputs[i] + a->slopes[i] * offset;
+    for (int64_t k = 0; k < c->n_inputs; k++) {
+        const int64_t i = c->inputs[k];
+        a->moved[i] = a->inputs[i] + a->slopes[i] * offset;
+    }
 }
 
-static inline void rates(Lane *a, const Component *c, double offset, const real s[6], real k[6])
+static inline void rates(Lane *a, const Component *c, const ArmPose p, double offset, const real s[6], real k[6])
 {
-    real u[12];
-    inputs_at(a, offset, u);
+    move_inputs(a, c, offset);
     for (int i = 0; i < 3; i++) k[i] = s[3 + i];
-    acceleration(a, c, u, s, s + 3, k + 3);
+    acceleration(a, c, p, s + 3, k + 3);
 }
 
-static void runge_kutta(Lane *a, const Component *c, double offset, double h)
+static void runge_kutta(Lane *a, const Component *c, int first, double offset, double h)
 {
     real s[6], k1[6], k2[6], k3[6], k4[6];
-    rates(a, c, offset, a->state, k1);
+    rates(a, c, first ? a->pose : arm_pose(a->state), offset, a->state, k1);
     for (int i = 0; i < 6; i++) s[i] = a->state[i] + 0.5 * h * k1[i];
-    rates(a, c, offset + 0.5 * h, s, k2);
+    rates(a, c, arm_pose(s), offset + 0.5 * h, s, k2);
     for (int i = 0; i < 6; i++) s[i] = a->state[i] + 0.5 * h * k2[i];
-    rates(a, c, offset + 0.5 * h, s, k3);
+    rates(a, c, arm_pose(s), offset + 0.5 * h, s, k3);
     for (int i = 0; i < 6; i++) s[i] = a->state[i] + h * k3[i];
-    rates(a, c, offset + h, s, k4);
+    rates(a, c, arm_pose(s), offset + h, s, k4);
     for (int i = 0; i < 6; i++) a->state[i] = a->state[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
 static void arm_outputs(Lane *a)
 {
-    const ArmPose p = arm_pose(a->state);
+    a->pose = arm_pose(a->state);
     for (int i = 0; i < 6; i++) a->outputs[i] = a->state[i];
-    arm_position(&p, a->outputs + 6);
-    arm_velocity(&p, a->state + 3, a->outputs + 9);
+    arm_position(&a->pose, a->outputs + 6);
+    arm_velocity(&a->pose, a->state + 3, a->outputs + 9);
 }
 
 static void arm_start(Lane *a)
@@ -185,7 +188,7 @@ static void arm_start(Lane *a)
 static void arm_step(Lane *a, const Component *c, double size)
 {
     for (int64_t i = 0; i < c->internal_steps; i++)
-        runge_kutta(a, c, size * (double)i / (double)c->internal_steps, size / (double)c->internal_steps);
+        runge_kutta(a, c, i == 0, size * (double)i / (double)c->internal_steps, size / (double)c->internal_steps);
     mask ok = a->indefinite == none();
     for (int i = 0; i < 6; i++) ok = ok & (real_abs(a->state[i]) < 1e6);
     if (c->workspace) ok = ok & arm_inside(a->state);
@@ -199,11 +202,10 @@ static void arm_step(Lane *a, const Component *c, double size)
 
 /* --- controller, channel, series ----------------------------------------------------------------------------------- */
 
-static void controller_outputs(Lane *a, double size)
+static void controller_outputs(Lane *a, const Component *c, double size)
 {
-    const real *n = a->numbers;
-    real u[MAX_INPUTS];
-    for (int i = 0; i < MAX_INPUTS; i++) u[i] = a->inputs[i] + a->slopes[i] * size;
+    const real *n = a->numbers, *u = a->moved;
+    move_inputs(a, c, size);
     for (int i = 0; i < 3; i++) {
         const real f = n[i] * (u[i] - u[3 + i]) - n[3 + i] * u[6 + i];
         const real tau = n[6 + i] * (u[9 + i] - u[12 + i]) - n[9 + i] * u[15 + i];
@@ -231,9 +233,9 @@ static inline double past(const Component *c, int64_t k, int64_t i, int lane)
 static inline double stamp(const Component *c, int64_t k) { return c->stamps[k & (c->capacity - 1)]; }
 
 /* The last record whose stamp is at most the target, from where the delay in steps says that it is. */
-static inline int64_t find(const Component *c, int64_t newest, double target, double delay, double step)
+static inline int64_t find(const Component *c, int64_t newest, double target, double delay, double rate)
 {
-    int64_t k = newest - (int64_t)(delay / step + 0.5);
+    int64_t k = newest - (int64_t)(delay * rate + 0.5);
     if (k < 0) k = 0;
     while (k < newest && stamp(c, k + 1) <= target + SAME) k++;
     while (k > 0 && stamp(c, k) > target + SAME) k--;
@@ -245,10 +247,11 @@ static void channel_step(Lane *a, const Component *c, int64_t done, double t, do
 {
     enter(a, c, t, size);
     const int64_t newest = a->head - 1;
+    const double rate = 1.0 / size;
     for (int lane = 0; lane < LANES; lane++) {
         const double delay = c->series[lane][(done + 1) * c->series_step[lane]];
         const double target = t - delay;
-        const int64_t k = find(c, newest, target, delay, size);
+        const int64_t k = find(c, newest, target, delay, rate);
         const double late = target - stamp(c, k), gap = k < newest ? stamp(c, k + 1) - stamp(c, k) : 0.0;
         const int between = c->linear && late > SAME && gap > SAME;
         const double part = between ? late / gap : 0.0;
@@ -300,7 +303,7 @@ static void step(Lane *a, const Component *c, int64_t done, double time, double 
 {
     switch (c->kind) {
     case ARM: arm_step(a, c, size); break;
-    case CONTROLLER: controller_outputs(a, size); break;
+    case CONTROLLER: controller_outputs(a, c, size); break;
     case CHANNEL: channel_step(a, c, done, time + size, size); break;
     default: series_outputs(a, c, done + 1); break;
     }
@@ -310,7 +313,7 @@ static void begin(Lane *a, const Component *c)
 {
     switch (c->kind) {
     case ARM: arm_start(a); break;
-    case CONTROLLER: controller_outputs(a, 0.0); break;
+    case CONTROLLER: controller_outputs(a, c, 0.0); break;
     case CHANNEL: channel_start(a, c); break;
     default: series_outputs(a, c, 0); break;
     }

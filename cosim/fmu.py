@@ -59,13 +59,13 @@ def _model(model: str, fmi: int, progress: Progress | None) -> Path:
 
 
 def _recording(component: Component, scenario: Scenario, progress: Progress | None) -> Path:
-    """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s]."""
+    """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s] as outputs y[1], y[2], ..."""
     from build_fmus import recording_fmu
 
     path = scenario.folder / component.recording
     wanted = [component.time, *component.columns]
     table = read_columns(path, wanted)
-    columns = {name: table[:, i + 1] * component.scale for i, name in enumerate(component.columns)}
+    columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")
     return recording_fmu(table[:, 0], columns, units, component.interpolation.value, scenario.experiment.fmi, progress=progress)
 

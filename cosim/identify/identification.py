@@ -9,10 +9,10 @@ from cosim.identify.estimate import Estimate, estimate
 from cosim.identify.identifiability import Identifiability, identifiability
 from cosim.identify.intervals import Spread, spread
 from cosim.identify.method import KeepAll, Method, suggested, taati
-from cosim.identify.stack import Stack, everything, stack
+from cosim.identify.stack import Stack, coulomb_name, everything, stack, without
 from cosim.measured.recording import Recording
 
-TYPICAL = {"d": 1e-3, "g": 0.05, "viscous": 1e-3, "coulomb": 0.01}  # sizes for a PHANToM, from Taati Table 1
+TYPICAL = {"d": 1e-3, "g": 0.05, "viscous": 1e-3, "coulomb": 0.01, "slow": 0.01}  # sizes for a PHANToM, from Taati Table 1
 
 
 @frozen
@@ -58,12 +58,9 @@ class Identification:
 def identify(recording: Recording, method: Method | None = None) -> Identification:
     """Fit the device's linear model. Raises InputError where there is too little to fit."""
     method = method or suggested(recording)
-    full = stack(recording, method)
+    full = _with_plausible_tail(stack(recording, method), method, recording)
     _enough(full, recording)
-    shown = identifiability(full)
-    base = evolve(full, y=full.y[:, :, shown.base], names=tuple(full.names[k] for k in shown.base))
-    fitted = estimate(base, method, recording.device)
-    widths = spread(base, fitted)
+    shown, base, fitted, widths = _fit(full, method, recording)
     params = _spread_out(fitted.params, shown.base, full.y.shape[2])
     definite, doubts = _physics(recording, full.names, params)
     found = Identification(
@@ -72,6 +69,36 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
         rms_percent(full, params, everything(full).held_out), widths, shown, definite,
     )  # fmt: skip
     return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *_doubts(found)))
+
+
+def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiability, Stack, Estimate, Spread]:
+    """Base parameters, their estimate and its spread."""
+    shown = identifiability(full)
+    base = evolve(full, y=full.y[:, :, shown.base], names=tuple(full.names[k] for k in shown.base))
+    fitted = estimate(base, method, recording.device)
+    return shown, base, fitted, spread(base, fitted)
+
+
+def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> Stack:
+    """Keep a `slow` column only where the data lean to it and it is that of a smoothed sign: Coulomb friction that falls short
+    at the slowest rows, by less than half of it. Elsewhere it would only widen the intervals."""
+    tails = [name for name in full.names if name.startswith("slow")]
+    if not tails:
+        return full
+    _enough(full, recording)
+    _, base, fitted, widths = _fit(full, method, recording)
+    value = dict(zip(base.names, fitted.params.tolist(), strict=True))
+    score = dict(zip(base.names, (fitted.params / np.maximum(widths.std, 1e-300)).tolist(), strict=True))
+    doubtful = [
+        name for name in tails
+        if name not in value or score[name] > -1 or -value[name] > 0.5 * abs(value.get(coulomb_name(name), 0.0))
+    ]  # fmt: skip
+    kept = without(full, tuple(doubtful))
+    notes = [
+        f"{name}: Coulomb friction falls short by {-100 * value[name] / value[coulomb_name(name)]:.2g} % at the slowest rows in use, as "
+        "a smooth sign of dq does; a column for it is fitted along" for name in tails if name not in doubtful
+    ]  # fmt: skip
+    return evolve(kept, notes=(*kept.notes, *notes))
 
 
 def identify_as_paper(recording: Recording) -> Identification:

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.errors import InputError, Problem
-from cosim.measured.filtering import FirstOrder, LowPass, Motion, ZeroPhase, bandwidth, near_reversal
+from cosim.measured.filtering import FirstOrder, LowPass, Motion, Window, ZeroPhase, bandwidth, near_reversal
 from cosim.measured.recording import Recording
 
 
@@ -15,9 +15,13 @@ class Reversals(ABC):
 
     smoothing: float = 0.0  # rad/s over which the sign is smoothed
 
+    def slowest(self, usual_speed: np.ndarray) -> np.ndarray | None:
+        """Smallest speed (nj,) of the rows in use, None where the sign's law is given or all rows are used."""
+        return None
+
     @abstractmethod
-    def keep(self, motion: Motion, low_pass: LowPass, usual_speed: np.ndarray) -> np.ndarray:
-        """Rows to use, (n, nj) bool; usual_speed (nj,) is the root mean square of dq over the recording."""
+    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
+        """Rows to use, (n, nj) bool; the filters smear over `spread` rows; usual_speed (nj,) is the rms of dq over all runs."""
 
     @abstractmethod
     def text(self) -> str:
@@ -26,17 +30,24 @@ class Reversals(ABC):
 
 @frozen
 class LeaveOut(Reversals):
-    """Rows near a reversal are left out: |dq| below `share` of its rms, widened by what the low-pass smears."""
+    """Rows near a reversal are left out: |dq| below `share` of its rms, widened by what the filters smear.
+
+    On the rows that are left the sign may still be smoothed, over `smoothing` [rad/s], where the friction's law is known.
+    """
 
     share: float = 0.1
+    smoothing: float = 0.0
 
-    def keep(self, motion: Motion, low_pass: LowPass, usual_speed: np.ndarray) -> np.ndarray:
-        spread = low_pass.spread(motion.step)
+    def slowest(self, usual_speed: np.ndarray) -> np.ndarray | None:
+        return None if self.smoothing else self.share * usual_speed
+
+    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         columns = zip(motion.dq.T, self.share * usual_speed, strict=True)
         return ~np.stack([near_reversal(dq, motion.step, spread, limit) for dq, limit in columns], axis=1)
 
     def text(self) -> str:
-        return f"rows near velocity reversals left out (|dq| < {self.share:g} rms(dq), widened by the filter's reach)"
+        law = f", sign of dq smoothed over {self.smoothing:g} (known law)" if self.smoothing else ""
+        return f"rows near velocity reversals left out (|dq| < {self.share:g} rms(dq), widened by the filters' reach){law}"
 
 
 @frozen
@@ -45,7 +56,7 @@ class SmoothLaw(Reversals):
 
     smoothing: float = 0.01
 
-    def keep(self, motion: Motion, low_pass: LowPass, usual_speed: np.ndarray) -> np.ndarray:
+    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         return np.ones(motion.dq.shape, bool)
 
     def text(self) -> str:
@@ -56,7 +67,7 @@ class SmoothLaw(Reversals):
 class KeepAll(Reversals):
     """All rows with sgn(dq), as the paper does."""
 
-    def keep(self, motion: Motion, low_pass: LowPass, usual_speed: np.ndarray) -> np.ndarray:
+    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         return np.ones(motion.dq.shape, bool)
 
     def text(self) -> str:
@@ -67,13 +78,13 @@ class KeepAll(Reversals):
 class Method:
     """One way from a recording to parameters.
 
-    velocity_cutoff [Hz]: zero-phase low-pass of q (and of tau where `both_sides`) before differentiation;
+    before: low-pass of q (and of tau where `both_sides`) before differentiation;
     low_pass: over both sides of the equation; weighted: joints weighted by their residual; robust: Huber's weights;
     physical: constrained to M > 0 over the workspace and to friction that dissipates.
     """
 
     name: str
-    velocity_cutoff: float
+    before: LowPass
     low_pass: LowPass
     reversals: Reversals = field(factory=LeaveOut)
     both_sides: bool = True
@@ -88,7 +99,7 @@ class Method:
             word for word, on in (("weighted by joint", self.weighted), ("Huber weights", self.robust),
                                   ("constrained to a physical arm", self.physical)) if on
         ) or "ordinary"  # fmt: skip
-        return (f"{sides} low-passed at {self.velocity_cutoff:.3g} Hz (zero phase), central differences, both sides through "
+        return (f"{sides} through {self.before}, central differences, both sides through "
                 f"{self.low_pass}, {self.reversals.text()}; least squares: {fit}")  # fmt: skip
 
 
@@ -99,14 +110,15 @@ def suggested(recording: Recording) -> Method:
     """
     rate = 1 / max(run.step for run in recording.runs)
     low = float(np.clip(12 * bandwidth(recording), 2.0, 0.1 * rate))
-    return Method("default", min(6 * low, 0.2 * rate), ZeroPhase(low))
+    law = LeaveOut(smoothing=recording.description.coulomb_velocity)
+    return Method("default", Window(min(6 * low, 0.2 * rate)), Window(low), law)
 
 
 def taati(recording: Recording, velocity_cutoff: float = 30.0) -> Method:
     """The paper's estimator: 30 Hz velocity filter, L(s) with 10 rad/s, sgn(dq), all rows, ordinary least squares."""
     rate = 1 / max(run.step for run in recording.runs)
     cutoff = min(velocity_cutoff, 0.2 * rate)
-    return Method("Taati", cutoff, FirstOrder(10.0), KeepAll(), both_sides=False, weighted=False)
+    return Method("Taati", ZeroPhase(cutoff), FirstOrder(10.0), KeepAll(), both_sides=False, weighted=False)
 
 
 def adjusted(method: Method, cutoff: float | None, velocity_cutoff: float | None, smooth_sign: float | None, robust: bool,
@@ -116,7 +128,8 @@ def adjusted(method: Method, cutoff: float | None, velocity_cutoff: float | None
     problems = [Problem(name, "a positive number", f"{value:g}") for name, value in given.items() if value is not None and not value > 0]
     if problems:
         raise InputError(problems)
-    low_pass = method.low_pass if cutoff is None else ZeroPhase(cutoff)
+    low_pass = method.low_pass if cutoff is None else Window(cutoff)
+    before = method.before if velocity_cutoff is None else Window(velocity_cutoff)
     reversals = method.reversals if smooth_sign is None else SmoothLaw(smooth_sign)
-    return evolve(method, low_pass=low_pass, velocity_cutoff=velocity_cutoff or method.velocity_cutoff, reversals=reversals,
+    return evolve(method, low_pass=low_pass, before=before, reversals=reversals,
                   robust=robust, physical=physical)  # fmt: skip

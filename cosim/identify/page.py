@@ -36,12 +36,13 @@ def _mood(found: Identification) -> str:
 
 def _parameters(found: Identification, paper: Identification) -> Section:
     known = _known(found)
-    header = ["parameter", "value", "95 % from", "to", "std", "std (white noise)", "paper's estimator", *([known[0]] if known else []), "unit"]
-    rows = []
+    header = ["parameter", "value", "95 % from", "to", "std", "std if white", "paper's", *([known[0]] if known else []), "unit"]
+    rows, papers = [], {p.name: f"{p.value:.5g}" for p in paper.parameters}
     for k, p in enumerate(found.parameters):
-        other = [known[1][k] if k < len(known[1]) else None] if known else []
-        numbers = [v if np.isfinite(v) else None for v in (*p.interval, p.std, p.std_white)]
-        rows.append([p.name, p.value, *numbers, paper.parameters[k].value, *other, p.unit])
+        other = [f"{known[1][k]:.5g}" if k < len(known[1]) else None] if known else []
+        numbers = [f"{v:.5g}" if np.isfinite(v) else None for v in p.interval]
+        numbers += [f"{v:.2g}" if np.isfinite(v) else None for v in (p.std, p.std_white)]
+        rows.append([p.name, f"{p.value:.6g}", *numbers, papers.get(p.name), *other, p.unit])
     text = ("The standard deviation counts the residual's correlation in time: contiguous blocks of "
             f"{found.spread.block:.2g} s are left out one at a time ({found.spread.blocks} blocks). The white-noise figure is what least "
             "squares gives by itself; it is shown to be compared, not to be used.")  # fmt: skip

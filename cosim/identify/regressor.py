@@ -60,6 +60,16 @@ def friction_columns(dq: np.ndarray, velocity: float) -> np.ndarray:
     return np.concatenate([dq[:, :, None] * joints, dynamics.direction(dq, velocity)[:, :, None] * joints], axis=2)
 
 
+def slow_columns(dq: np.ndarray, slowest: np.ndarray) -> np.ndarray:
+    """Columns sgn(dq) (slowest / dq)^2 (n, nj, nj), 1 at the slowest row in use.
+
+    A friction whose sign is smoothed over v, dq / sqrt(dq^2 + v^2) = sgn(dq) (1 - v^2 / (2 dq^2) + ...), still shows this tail
+    outside the rows that are left out; its coefficient is -coulomb v^2 / (2 slowest^2).
+    """
+    tail = np.sign(dq) * slowest**2 / np.maximum(dq**2, slowest**2)
+    return tail[:, :, None] * np.eye(dq.shape[1])
+
+
 def phantom(motion: Motion, low_pass: LowPass, velocity: float = 0.0) -> Columns:
     """The 14 parameters of the arm, Taati Eq. 13, with the sign of Eq. 4 put right (PHYSICS.md 2)."""
     q, dq, step = motion.q, motion.dq, motion.step

@@ -5,6 +5,7 @@ from attrs import evolve, frozen
 
 from cosim.identify import regressor
 from cosim.identify.method import Method
+from cosim.identify.regressor import Columns, slow_columns
 from cosim.measured.filtering import Motion, motion
 from cosim.measured.recording import Recording, Run
 
@@ -59,23 +60,46 @@ def stack(recording: Recording, method: Method) -> Stack:
 
 
 def _motion(recording: Recording, run: Run, method: Method) -> Motion:
-    found = motion(recording, run, method.velocity_cutoff)
+    found = motion(recording, run, method.before)
     return found if method.both_sides else evolve(found, tau=run.tau)
 
 
 def _piece(recording: Recording, moved: Motion, method: Method, speed: np.ndarray, number: int) -> Stack:
     model = regressor.columns(recording, moved, method.low_pass, method.reversals.smoothing)
-    head, tail = method.low_pass.settle(moved.step)
-    n = len(moved.time)
-    head, tail = min(head, n // 8), min(tail, n // 8)
+    n, step = len(moved.time), moved.step
+    head, tail = (min(sum(rows), n // 8) for rows in zip(method.low_pass.settle(step), method.before.settle(step), strict=True))
+    spread = tuple(sum(rows) for rows in zip(method.low_pass.spread(step), method.before.spread(step), strict=True))
     settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
-    keep = method.reversals.keep(moved, method.low_pass, speed) & settled[:, None]
-    pick = slice(None, None, method.low_pass.decimation(moved.step))
+    keep = method.reversals.keep(moved, spread, speed) & settled[:, None]
+    model = _with_tail(model, moved, method, speed)
+    pick = slice(None, None, method.low_pass.decimation(step))
     return Stack(
         y=model.y[pick], tau=model.tau[pick], keep=keep[pick], settled=settled[pick], test=moved.run.test[pick],
         run=np.full(len(model.tau[pick]), number), time=moved.time[pick], q=moved.q[pick], dq=moved.dq[pick],
-        step=moved.step * (pick.step or 1), names=model.names, units=model.units,
+        step=step * (pick.step or 1), names=model.names, units=model.units,
     )  # fmt: skip
+
+
+def _with_tail(model: Columns, moved: Motion, method: Method, speed: np.ndarray) -> Columns:
+    """A column `slow` per joint where the law of the sign is not known: what a smoothed sign leaves at the slowest rows."""
+    slowest = method.reversals.slowest(speed)
+    if slowest is None or not slowest.all():
+        return model
+    tail = method.low_pass.low(slow_columns(moved.dq, slowest), moved.step)
+    names = ["slow"] if len(speed) == 1 else [f"slow[{j + 1}]" for j in range(len(speed))]
+    return evolve(model, y=np.concatenate([model.y, tail], axis=2), names=(*model.names, *names),
+                  units=(*model.units, *[model.units[model.names.index(coulomb_name(names[0]))]] * len(names)))  # fmt: skip
+
+
+def coulomb_name(slow: str) -> str:
+    """Name of the Coulomb friction that a `slow` column belongs to."""
+    return slow.replace("slow", "coulomb")
+
+
+def without(full: Stack, names: tuple[str, ...]) -> Stack:
+    """The stack with some columns taken out."""
+    kept = [k for k, name in enumerate(full.names) if name not in names]
+    return evolve(full, y=full.y[:, :, kept], names=tuple(full.names[k] for k in kept), units=tuple(full.units[k] for k in kept))
 
 
 def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:

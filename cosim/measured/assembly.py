@@ -11,16 +11,17 @@ from cosim.measured import doubts, units
 from cosim.measured.description import Columns, Description, load_description
 from cosim.measured.reader import Table, needed, read_table
 from cosim.measured.recording import Recording, Run
-from cosim.measured.repairs import Stretch, repair
+from cosim.measured.repairs import Stretch, recentred, repair
 
-# What scenario `identification` records: encoder angles and the amplifier's command (Taati 2: command / 2.7 = torque).
-COMMAND_SCALE = 2.7
+# What scenario `identification` records: encoder angles, and the torque that the amplifier holds from one sample to the next.
 SIMULATED = Description(
     columns=Columns(
         q=("arm.q[1]", "arm.q[2]", "arm.q[3]"),
         tau=("controller.tau[1]", "controller.tau[2]", "controller.tau[3]"),
         q_ref=("excitation.q_ref[1]", "excitation.q_ref[2]", "excitation.q_ref[3]"),
     ),
+    torque_held=True,
+    coulomb_velocity=0.01,  # default of the FMU PhantomArm
     source="scenario identification",
 )
 
@@ -83,15 +84,8 @@ def _default(table: Table) -> Description:
     if all(name in table.columns for name in SIMULATED.columns.q):
         columns = SIMULATED.columns
         references = columns.q_ref if all(name in table.columns for name in columns.q_ref) else ()
-        scale = {"tau": (1 / _command_scale(table),)}
-        return evolve(SIMULATED, columns=evolve(columns, q_ref=references), scale=scale)
+        return evolve(SIMULATED, columns=evolve(columns, q_ref=references))
     return Description()
-
-
-def _command_scale(table: Table) -> float:
-    """The scale a simulated recording states itself, else Taati's 2.7."""
-    stated = table.columns.get("controller.command_scale")
-    return float(stated[0]) if stated is not None and len(stated) and stated[0] > 0 else COMMAND_SCALE
 
 
 def _runs(tables: Sequence[tuple[Table, bool]], description: Description, note) -> list[tuple[Run, bool | None]]:
@@ -143,9 +137,10 @@ def _repaired(part: _Part, columns, description: Description, held: bool, note) 
     test = np.zeros(len(part.rows), bool) if part.test is None else part.test
     positions = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("q", "q_ref"))
     names = tuple(name for _, name, _ in layout)
+    held_torque = tuple(k for k, (role, _, _) in enumerate(layout) if role == "tau") if description.torque_held else ()
     stretch = Stretch(part.name, time, signals, names, test, positions, not description.prismatic)
     whole = True if held else (None if part.test is not None else False)
-    return [(_run(piece, layout), whole) for piece in repair(stretch, note)]
+    return [(_run(recentred(piece, held_torque, note), layout), whole) for piece in repair(stretch, note)]
 
 
 def _layout(description: Description) -> list[tuple[str, str, float]]:

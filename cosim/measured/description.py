@@ -12,7 +12,8 @@ from cosim.measured import units
 
 DEVICES = ("phantom", "axis", "regressor")
 CONFIGURATIONS = ("UR", "GCW", "FS", "USD", "USD+GCW", "piecewise", "segment")
-KEYS = ("device", "configuration", "parameters", "declared_pi", "joint", "gravity", "columns", "units", "scale")
+KEYS = ("device", "configuration", "parameters", "declared_pi", "joint", "gravity", "torque_held", "coulomb_velocity",
+        "columns", "units", "scale")
 SINGLE = ("time", "run", "split", "rigid")
 LISTS = ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
 ROLES = (*SINGLE, *LISTS, "other")
@@ -62,6 +63,8 @@ class Description:
     declared_pi: tuple[float, ...] = ()
     joint: str = ""
     gravity: bool = False
+    torque_held: bool = False  # tau is a command that is held from its stamp to the next
+    coulomb_velocity: float = 0.0  # speed over which the sign of dq is known to be smooth; 0: not known
     source: str = ""
 
     @property
@@ -120,6 +123,8 @@ def parse_description(table: Mapping, source: str) -> Description:
         declared_pi=_numbers(table.get("declared_pi", ()), f"{source}: declared_pi", problems),
         joint=str(table.get("joint", "")),
         gravity=_boolean(table, "gravity", source, problems),
+        torque_held=_boolean(table, "torque_held", source, problems),
+        coulomb_velocity=_speed(table, source, problems),
         source=source,
     )
     problems += _inconsistencies(result, table)
@@ -149,6 +154,14 @@ def _boolean(table: Mapping, key: str, source: str, problems: list[Problem]) -> 
     if not isinstance(value, bool):
         problems.append(Problem(f"{source}: {key}", "true or false", repr(value)))
     return bool(value)
+
+
+def _speed(table: Mapping, source: str, problems: list[Problem]) -> float:
+    value = table.get("coulomb_velocity", 0.0)
+    if not _is_number(value) or value < 0:
+        problems.append(Problem(f"{source}: coulomb_velocity", "a speed, 0 or more", repr(value)))
+        return 0.0
+    return float(value)
 
 
 def _numbers(values, where: str, problems: list[Problem]) -> tuple[float, ...]:

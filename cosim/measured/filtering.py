@@ -104,6 +104,46 @@ class ZeroPhase(LowPass):
         return max(int(0.2 / (self.cutoff * step)), 1)
 
 
+@frozen
+class Window(LowPass):
+    """Weighted mean over a Hann window of length 1 / `cutoff` [Hz]: no delay, half the amplitude at `cutoff`.
+
+    Its reach is finite, so what happens outside the window cannot touch a row: a fault left out is left out wholly.
+    """
+
+    cutoff: float
+
+    def __str__(self) -> str:
+        return f"a Hann window of {1e3 / self.cutoff:.3g} ms (zero phase, half amplitude at {self.cutoff:.3g} Hz, finite reach)"
+
+    def low(self, signal: np.ndarray, step: float) -> np.ndarray:
+        from scipy.signal import oaconvolve
+
+        half = self.half(step)
+        if half < 1 or len(signal) < 2 * half + 3:
+            return np.array(signal, float)
+        weights = np.hanning(2 * half + 3)[1:-1]
+        shape = (len(weights), *([1] * (signal.ndim - 1)))
+        ends = np.concatenate([2 * signal[:1] - signal[half:0:-1], signal, 2 * signal[-1:] - signal[-2 : -half - 2 : -1]])
+        return oaconvolve(ends, (weights / weights.sum()).reshape(shape), mode="valid", axes=0)
+
+    def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
+        return derivative(self.low(signal, step), step)
+
+    def half(self, step: float) -> int:
+        """Rows to either side of the middle one."""
+        return max(int(round(0.5 / (self.cutoff * step))) - 1, 0)
+
+    def settle(self, step: float) -> tuple[int, int]:
+        return self.half(step) + 3, self.half(step) + 3
+
+    def spread(self, step: float) -> tuple[int, int]:
+        return self.half(step) + 3, self.half(step) + 3
+
+    def decimation(self, step: float) -> int:
+        return max(int(0.2 / (self.cutoff * step)), 1)
+
+
 @lru_cache(maxsize=32)
 def _butterworth(order: int, cutoff: float, step: float) -> np.ndarray:
     from scipy.signal import butter
@@ -142,11 +182,10 @@ class Motion:
         return self.run.step
 
 
-def differentiated(run: Run, cutoff: float) -> Motion:
-    """q and tau low-passed with zero phase at `cutoff` [Hz], q differentiated; a recorded dq is not used."""
-    low_pass = ZeroPhase(cutoff)
+def differentiated(run: Run, low_pass: LowPass) -> Motion:
+    """q and tau through the same low-pass, q differentiated; a recorded dq is not used."""
     q = low_pass.low(run.q, run.step)
-    how = f"q and tau low-passed at {cutoff:.3g} Hz (Butterworth 4, zero phase), central differences"
+    how = f"q and tau through {low_pass}, central differences"
     return Motion(run, q, derivative(q, run.step), low_pass.low(run.tau, run.step), how)
 
 
@@ -155,18 +194,18 @@ def as_recorded(run: Run) -> Motion:
     return Motion(run, run.q, run.dq, run.tau, "as recorded")
 
 
-def motion(recording: Recording, run: Run, cutoff: float) -> Motion:
+def motion(recording: Recording, run: Run, low_pass: LowPass) -> Motion:
     """The motion of a run: the recorded dq for device "regressor" where there is one, else differentiated q."""
     if recording.device == "regressor" and run.dq is not None:
         return as_recorded(run)
-    return differentiated(run, cutoff)
+    return differentiated(run, low_pass)
 
 
 def bandwidth(recording: Recording) -> float:
     """Frequency [Hz] below which 95 % of the power of dq lies: the fastest joint, the middle one of the runs."""
     found = []
     for run in recording.runs:
-        dq = differentiated(run, 0.1 / run.step).dq
+        dq = differentiated(run, ZeroPhase(0.1 / run.step)).dq
         power = np.abs(np.fft.rfft(dq * np.hanning(len(dq))[:, None], axis=0)) ** 2
         share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
         found.append(np.fft.rfftfreq(len(dq), run.step)[(share < 0.95).sum(axis=0).clip(max=len(share) - 1)].max())

@@ -227,3 +227,17 @@ def _long_enough(name: str, stretches: list[Stretch], note: Note) -> list[Stretc
     if short:
         note(f"{name}: {short} stretches shorter than {SHORTEST} rows left out")
     return kept
+
+
+def recentred(stretch: Stretch, columns: tuple[int, ...], note: Note) -> Stretch:
+    """A torque that is held from its stamp to the next, as its mean over one step either side of the stamp.
+
+    tau(t_k) = (tau_k-1 + tau_k) / 2: as it stands the column is half a step early against q.
+    """
+    if not columns:
+        return stretch
+    signals = stretch.signals.copy()
+    own = signals[:, list(columns)]
+    signals[1:, list(columns)] = (own[1:] + own[:-1]) / 2
+    note(f"{stretch.name}: torque is held from its stamp to the next: moved half a step to the middle")
+    return evolve(stretch, signals=signals)

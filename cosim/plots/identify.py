@@ -16,10 +16,10 @@ def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | No
     fig, axes = figure(len(found.recording.joints), 1, height=1.0 + 1.9 * len(found.recording.joints))
     for j, ax in enumerate(axes[:, 0]):
         _line(ax, time, found.stack.tau[rows, j], BLACK, "measured")
-        _line(ax, time, without[:, j], GREEN, "model without friction", width=0.9)
+        _line(ax, time, without[:, j], GREEN, "no friction", width=0.9)
         if piecewise is not None:
-            _line(ax, time, (found.stack.y[:, :, :8] @ piecewise)[rows, j], ORANGE, "piecewise parameters", width=0.9)
-        _line(ax, time, predicted[:, j], BLUE, "identified model", style="--")
+            _line(ax, time, (found.stack.y[:, :, :8] @ piecewise)[rows, j], ORANGE, "piecewise", width=0.9)
+        _line(ax, time, predicted[:, j], BLUE, "identified", style="--")
         _left_out(ax, time, found.stack.keep[rows, j])
         ax.set_ylabel(f"{found.recording.joints[j]} [{_unit(found)}]")
     axes[-1, 0].set_xlabel("time [s]; shaded: near a reversal, neither fitted nor judged")

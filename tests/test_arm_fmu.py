@@ -10,6 +10,8 @@ import arm_derivation as d
 import numpy as np
 import pytest
 import sympy as sp
+from attrs import evolve
+from scipy.integrate import simpson
 
 fmpy = pytest.importorskip("fmpy")
 
@@ -232,3 +234,29 @@ def test_free_motion_agrees_with_numpy(plant, numpy_fall):
     for k in range(2000):
         plant.fmu.doStep(currentCommunicationPoint=k * 1e-3, communicationStepSize=1e-3)
     np.testing.assert_allclose(np.concatenate([plant.read("q"), plant.read("dq")]), numpy_fall, atol=1e-10)
+
+
+def energy_imbalance(plant, steps):
+    """Energy gained in 0.3 s minus the work done on the plant plus the heat of its friction; the energy moved [J]."""
+    params = evolve(parameter_set("segment"), viscous=(2e-3, 3e-3, 1e-3), coulomb=(0.02, 0.01, 0.01))
+    h = 0.3 / steps
+    tau, f, velocity = np.array([0.02, 0.03, -0.06]), np.array([0.05, 0.1, -0.05]), np.full(3, 0.5)
+    plant.start(params, *FALL, tau, f, coulomb_velocity=velocity)
+    path = [np.concatenate([plant.read("q"), plant.read("dq")])]
+    for k in range(steps):
+        plant.fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
+        path.append(np.concatenate([plant.read("q"), plant.read("dq")]))
+    q, dq = np.array(path)[:, :3], np.array(path)[:, 3:]
+    work = dq @ tau + np.einsum("nij,nj,i->n", kinematics.jacobian(q), dq, f)
+    heat = np.einsum("ni,ni->n", dynamics.friction_torque(params, dq, 0.5), dq)
+    energy = dynamics.total_energy(params.pi, q, dq)
+    return energy[-1] - energy[0] - simpson(work - heat, dx=h), simpson(np.abs(work) + np.abs(heat), dx=h)
+
+
+def test_energy_balance_of_the_plant(plant):
+    """Torque, tip force, viscous and Coulomb friction: closed to the fourth order of RK4 and of Simpson's rule."""
+    coarse, moved = energy_imbalance(plant, 150)
+    fine, _ = energy_imbalance(plant, 300)
+    assert moved > 0.01
+    assert abs(fine) < 1e-8 * moved
+    assert abs(coarse) > 8 * abs(fine)

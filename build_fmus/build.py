@@ -70,7 +70,7 @@ def build(job: Job, progress: Progress | None = None) -> Path:
     if job.fmi not in (2, 3):
         raise BuildError(f"FMI version is 2 or 3, not {job.fmi}")
     compiler, folder = find_compiler(), cache_folder()
-    sources = _source_files(job)
+    sources = source_files(job)
     path = folder / "fmus" / _key(job, sources, compiler) / f"{job.model}.fmu"
     if not path.is_file():
         if progress:
@@ -93,7 +93,7 @@ def _keep(path: Path, data: bytes) -> None:
     store(path, data)
 
 
-def _source_files(job: Job) -> dict[str, bytes]:
+def source_files(job: Job) -> dict[str, bytes]:
     """Every file of the sources folder, the generated table included."""
     files = model_files(job.model, job.fmi, job.code)
     token = token_of(job, files)

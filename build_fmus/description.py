@@ -143,7 +143,7 @@ def initial_dependencies(table: Table, s: Scalar) -> list[int]:
         return [row[s.index]] if len(row) == v.width else row
     parameters = [p.reference for p in table.of("parameter", "tunable") if p.variable.type == "Real"]
     inputs = _links(table, s, v.feedthrough) + _links(table, s, v.feedthrough_at_start)
-    if s.reference in {d for _, d in table.states}:
+    if s.reference in table.differentiated:
         inputs += [i.reference for i in table.slopes] if v.feedthrough is None else []
     return sorted(set(parameters + inputs))
 
@@ -227,7 +227,7 @@ def _variable2(table: Table, s: Scalar) -> str:
         "name": s.name, "valueReference": s.reference, "description": v.description,
         "causality": CAUSALITY.get(v.causality, v.causality), "variability": _variability(v), "initial": _initial(v),
     }
-    state = next((state for state, d in table.states if d == s.reference), None)
+    state = table.differentiated.get(s.reference)
     body = {
         "declaredType": _declared(table, v), "unit": v.unit or None, "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
         "start": _value(s, 2), "derivative": state.reference + 1 if state else None,
@@ -321,7 +321,7 @@ TAGS3 = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumerati
 
 def _variable3(table: Table, s: Scalar) -> str:
     v = s.variable
-    state = next((state for state, d in table.states if d == s.reference), None)
+    state = table.differentiated.get(s.reference)
     return element(TAGS3[v.type], {
         "name": s.name, "valueReference": s.reference, "description": v.description,
         "causality": CAUSALITY.get(v.causality, v.causality), "variability": _variability(v), "initial": _initial(v),

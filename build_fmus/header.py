@@ -60,8 +60,7 @@ def _member(name: str, size: int | None, comment: str) -> str:
 
 
 def _variables(table: Table) -> str:
-    derivatives = {d for _, d in table.states}
-    rows = ",\n".join(f"    {_row(s, s.reference in derivatives)}" for s in table.scalars)
+    rows = ",\n".join(f"    {_row(s, s.reference in table.differentiated)}" for s in table.scalars)
     return f"static const Variable variables[N_VARIABLES] = {{\n{rows}\n}};"
 
 

@@ -1,6 +1,5 @@
 """An FMU with a recorded table compiled in."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,10 +9,7 @@ from attrs import evolve
 from build_fmus.build import Job, Progress, build, check_platforms
 from build_fmus.errors import BuildError
 from build_fmus.sources import source_root
-from build_fmus.table import Table, Variable, load_table, override
-
-NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
-
+from build_fmus.table import FMI_NAME, Table, Variable, load_table, override
 
 def recording_fmu(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str],
                   interpolation: str = "linear", fmi: int = 3, platforms: Sequence[str] | None = None,
@@ -45,7 +41,7 @@ def _problems(time: np.ndarray, data: Mapping[str, np.ndarray], units: Mapping[s
         elif not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values))[0])
             problems.append(f"{name} = {values[row]} in row {row}: a finite number is needed")
-        if not NAME.fullmatch(name):
+        if not FMI_NAME.fullmatch(name):
             problems.append(f"{name!r} is no name of an FMI variable")
         if not units.get(name):
             problems.append(f'{name} has no unit ("1" where it has none)')

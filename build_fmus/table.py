@@ -5,6 +5,7 @@ import re
 import tomllib
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -17,6 +18,7 @@ from build_fmus.units import exponents
 Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
 Type = Literal["Real", "Integer", "Boolean", "Enumeration"]
 SETTABLE = ("input", "parameter", "tunable")
+FMI_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?", re.ASCII)
 RESERVED = ("origin", "step", "text", "time")
 
 
@@ -118,9 +120,9 @@ class Scalar:
         return self.variable.starts[self.index]
 
 
-@frozen
+@frozen(slots=False)
 class Table:
-    """A model: head, default experiment, variables, private state."""
+    """A model: head, default experiment, variables, private state. What follows from them is worked out once."""
 
     model: Head
     experiment: Experiment
@@ -131,7 +133,7 @@ class Table:
     def continuous(self) -> bool:
         return self.model.kind == "continuous"
 
-    @property
+    @cached_property
     def scalars(self) -> list[Scalar]:
         pairs = [(v, i) for v in self.variable for i in range(v.width)]
         return [Scalar(v, i, reference) for reference, (v, i) in enumerate(pairs)]
@@ -142,15 +144,27 @@ class Table:
     def row(self, name: str) -> Variable:
         return next(v for v in self.variable if v.name == name)
 
-    def references(self, name: str) -> list[int]:
-        return [s.reference for s in self.scalars if s.variable.name == name]
+    @cached_property
+    def _references(self) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        for s in self.scalars:
+            found.setdefault(s.variable.name, []).append(s.reference)
+        return found
 
-    @property
+    def references(self, name: str) -> list[int]:
+        return self._references[name]
+
+    @cached_property
+    def differentiated(self) -> dict[int, Scalar]:
+        """The state of each derivative, by the derivative's value reference."""
+        return {derivative: state for state, derivative in self.states}
+
+    @cached_property
     def slopes(self) -> list[Scalar]:
         """Inputs that have a slope during a step: the real ones."""
         return [s for s in self.of("input") if s.variable.type == "Real"]
 
-    @property
+    @cached_property
     def states(self) -> list[tuple[Scalar, int]]:
         """Each state with the value reference of its derivative."""
         return [(s, self.references(s.variable.derivative)[s.index]) for s in self.of("state")]
@@ -212,7 +226,7 @@ def check(table: Table) -> Iterable[str]:
     """Every contradiction in the table."""
     names = [v.name for v in table.variable] + [p.name for p in table.private]
     for name in names:
-        if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in RESERVED:
+        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in RESERVED:
             yield f"{name!r} is no name for a variable (a C identifier other than {', '.join(RESERVED)})"
         if names.count(name) > 1:
             yield f"{name!r} is there twice"
@@ -232,6 +246,7 @@ def _check_row(v: Variable, table: Table) -> Iterable[str]:
             yield str(error)
     if (v.type == "Enumeration") != bool(v.items):
         yield "items go with an Enumeration, and only with one"
+    yield from (f"{name!r} is no FMI name" for name in v.names if not FMI_NAME.fullmatch(name))
     if v.names and len(v.names) != v.width:
         yield f"{len(v.names)} names for {v.width} scalars"
     yield from _check_values(v)

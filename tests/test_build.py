@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 from probe import Importer, probe, probe_table
 from typer.testing import CliRunner
 
@@ -104,6 +105,7 @@ def test_every_model_is_valid_and_runs(model, version):
     """fmpy's validation, the schemas, start values in range; then ten steps that stay finite."""
     path = fmu_path(model, version)
     assert problems_of(path) == []
+    assert validate_fmu(str(path)) == []
     fmu = Importer(path)
     for n in range(10):
         fmu.step(n * 1e-3, 1e-3)

@@ -8,7 +8,6 @@ import json
 import platform
 import shlex
 import sys
-from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -74,6 +73,7 @@ def _write(file, result: Result) -> None:
         file.attrs["stopped_at"] = result.stopped_at
     for key, value in provenance(result).items():
         file.attrs[key] = value if isinstance(value, (str, int)) else json.dumps(value)
+    file.attrs["signals"] = json.dumps(list(result.signals))
     file.create_dataset("time", data=result.time).attrs["unit"] = "s"
     for name, elements in grouped(result.signals).items():
         component, _, variable = name.partition(".")
@@ -103,18 +103,13 @@ def _read(file) -> Result:
                 signals[f"{component}.{element}"] = values[:, column]
                 units[f"{component}.{element}"] = data.attrs["unit"]
     fmus = tuple(Identity(f["component"], f["name"], f["fmi"], "", f["sha256"]) for f in json.loads(file.attrs["fmus"]))
-    scenario = load_text(file.attrs["scenario"])
-    signals = {name: signals[name] for name in _ordered(signals, scenario.components)}
+    order = json.loads(file.attrs["signals"])
     stopped = file.attrs.get("stopped_at")
     return Result(
-        scenario, Outcome(file.attrs["outcome"]), file["time"][...], signals, units, None if stopped is None else float(stopped),
+        load_text(file.attrs["scenario"]), Outcome(file.attrs["outcome"]), file["time"][...],
+        {name: signals[name] for name in order}, {name: units[name] for name in order}, None if stopped is None else float(stopped),
         file.attrs["message"], float(file.attrs["wall_time"]), fmus,
     )  # fmt: skip
-
-
-def _ordered(signals: Mapping[str, object], components: Mapping[str, object]) -> list[str]:
-    rank = {name: i for i, name in enumerate(components)}
-    return sorted(signals, key=lambda name: rank.get(name.partition(".")[0], len(rank)))
 
 
 def export_csv(result: Result, path: Path | str) -> Path:

@@ -1,0 +1,118 @@
+"""Reports: one file, nothing fetched, text escaped, tables and figures inside."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from fakes import MODELS, FakeSystem, oscillator, scenario
+
+from cosim.execution import execute
+from cosim.judging import twin_of
+from cosim.master import run
+from cosim.plots import canvas
+from cosim.plots.run import run_report
+from cosim.plots.wiring import block_diagram, place
+from cosim.report import Figure, Report, Section, Table, render, write_report
+from cosim.scenario import Component
+from cosim.summary import Judged
+
+
+def drawing():
+    fig, axes = canvas.figure(1, 2)
+    axes[0, 0].plot([0, 1], [0, 1], label="a")
+    axes[0, 0].set_title("left")
+    axes[0, 0].legend()
+    return canvas.to_svg(fig)
+
+
+class Well(HTMLParser):
+    """Checks that tags close in order and collects what would be fetched."""
+
+    VOID = {"meta", "br", "link", "img", "hr"}
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.fetched, self.ids = [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for key, value in attributes:
+            if key in ("src", "href", "xlink:href") and not value.startswith("#"):
+                self.fetched.append(value)
+            if key == "id":
+                self.ids.append(value)
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def checked(page):
+    parser = Well()
+    parser.feed(page)
+    assert parser.open == [] and parser.fetched == []
+    assert not re.search(r"@import|url\(\s*['\"]?https?:", page)
+    return parser
+
+
+def test_a_page_is_whole_and_offline(tmp_path):
+    table = Table(("name", "value"), [("a", 1.23456789), ("b", None), ("c & <d>", 2)], "numbers")
+    sections = [Section(f"Part {i}", "One.\n\nTwo.", [table], [Figure(drawing(), "seen")]) for i in range(3)]
+    page = write_report(Report("T <1>", "Good.", sections, {"version": "1 < 2"}, "good"), tmp_path / "a" / "r.html").read_text()
+    checked(page)
+    assert "T &lt;1&gt;" in page and "c &amp; &lt;d&gt;" in page and "1.23457" in page and "–" in page and "1 &lt; 2" in page
+
+
+def test_figures_do_not_share_ids():
+    one, two = drawing(), drawing()
+    fig, axes = canvas.figure()
+    axes[0, 0].plot([0, 1], [1, 0])
+    other = canvas.to_svg(fig)
+    ids = [set(re.findall(r'\bid="([^"]+)"', svg)) for svg in (one, other)]
+    assert one == two and ids[0].isdisjoint(ids[1])
+    assert "<metadata" not in one and "<?xml" not in one
+
+
+def test_empty_reports_render():
+    checked(render(Report("nothing", "")))
+
+
+@pytest.fixture(scope="module")
+def judged():
+    made = oscillator(stop=1.0)
+    system = FakeSystem(made, MODELS)
+    return Judged(run(made, system, executor=execute), system.wiring(made), run(made, system, executor=execute).outcome)
+
+
+def test_the_report_of_a_run_without_arms(judged):
+    page = render(run_report(judged))
+    checked(page)
+    assert "mass → spring" in page and "spring.f" in page
+    assert twin_of(judged.wiring) is None
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+def test_boxes_never_overlap(count):
+    parts = {f"m{i}": Component(model="Mass") for i in range(count)} | {f"s{i}": Component(model="Spring") for i in range(count)}
+    wires = [w.replace("mass", f"m{i}").replace("spring", f"s{i}") for i in range(count) for w in ("mass.x -> spring.x", "spring.f -> mass.f")]
+    made = scenario(parts, wires)
+    wiring = FakeSystem(made, MODELS).wiring(made)
+    boxes = place(wiring)
+    for i, a in enumerate(boxes):
+        for b in boxes[i + 1 :]:
+            assert a.right <= b.left or b.right <= a.left or a.bottom <= b.top or b.bottom <= a.top, (a, b)
+    checked(block_diagram(wiring))
+
+
+def test_thinned_figures_keep_the_page_small(judged):
+    from attrs import evolve
+
+    n = 200_000
+    long = evolve(judged.result, time=np.arange(n) * 1e-3, signals={k: np.sin(np.arange(n) * 0.01) for k in judged.result.signals})
+    assert len(render(run_report(evolve(judged, result=long)))) < 2_000_000

@@ -53,7 +53,7 @@ def sallam_eq10(coupling: Coupling, delay_lr: float, delay_rl: float) -> Criteri
     """
     allowed = _largest_sum(coupling)
     holds = np.hypot(delay_lr, delay_rl) < allowed
-    return Criterion(bool(holds), allowed / np.sqrt(2.0), False, "nothing: the printed condition is not sufficient")
+    return Criterion(bool(holds), float(allowed / np.sqrt(2.0)), False, "nothing: the printed condition is not sufficient")
 
 
 def _largest_sum(coupling: Coupling) -> float:

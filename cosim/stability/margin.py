@@ -32,14 +32,20 @@ class Locus:
     response: np.ndarray
 
 
-def loci(family: DelayFamily, delay: float, samples: int = 2000) -> list[Locus]:
+def loci(family: DelayFamily, delay: float, samples: int = 1200) -> list[Locus]:
     """Characteristic loci of the loop opened at the channel, strongest first; those that never reach 1e-3 are left out."""
     top = 1.05 * root_bound(family.at(0.0))
     grid = np.geomspace(1e-4 * top, top, samples)
-    gains = _followed(_gains(family, grid))
+    gains = _followed(_strongest(_gains(family, grid)))
     responses = -gains * np.exp(-1j * grid * delay)[:, None]
     order = np.argsort(-np.abs(responses).max(axis=0))
     return [Locus(grid, responses[:, k]) for k in order if np.abs(responses[:, k]).max() > 1e-3]
+
+
+def _strongest(values: np.ndarray) -> np.ndarray:
+    """Columns of sorted eigenvalues that are not the zeros of a rank-deficient channel term."""
+    ordered = np.take_along_axis(values, np.argsort(-np.abs(values), axis=1), axis=1)
+    return ordered[:, np.abs(ordered).max(axis=0) > 1e-6]
 
 
 def _followed(values: np.ndarray) -> np.ndarray:
@@ -56,26 +62,36 @@ def _followed(values: np.ndarray) -> np.ndarray:
 def margins(family: DelayFamily, delay: float) -> Margins:
     """Worst margins over the loci at the channel delay T [s] each way, by `control.stability_margins` on response data.
 
-    Both directions share T, so each locus of the one-channel family carries exp(-s T). Meaningful for a loop that is
-    stable at T; for an unstable one the numbers say how far its crossings are, as always with margins.
+    Both directions share T, so each locus of the one-channel family carries exp(-s T). The crossings |L| = 1 do not depend on T: their
+    phase margins without delay, over frequency, are the delays they allow, and T uses these up. So `delay` and
+    `phase` are negative for a loop that T makes unstable, and `gain` is then the factor below 1 that makes it stable again.
     """
-    found = [_margins(locus) for locus in loci(family, delay)]
-    if not found:
-        return Margins(np.inf, np.inf, np.inf, np.nan)
-    worst = min(found, key=lambda m: m.delay)
-    return Margins(min(m.gain for m in found), worst.phase, worst.delay, worst.crossover)
+    found = [crossing for locus in loci(family, 0.0) for crossing in _crossings(locus)]
+    lag, frequency = min(found, default=(np.inf, np.nan))
+    left = lag - delay
+    gains = [g for locus in loci(family, delay) for g in _gains_at_crossing(locus)]
+    stable = left > 0.0
+    gain = min((g for g in gains if g > 1.0), default=np.inf) if stable else max((g for g in gains if g < 1.0), default=0.0)
+    return Margins(float(gain), float(np.rad2deg(left * frequency)) if np.isfinite(left) else np.inf, float(left), float(frequency))
 
 
-def _margins(locus: Locus) -> Margins:
+def _response(locus: Locus):
     import control
 
-    response = control.frd(locus.response, locus.frequency, smooth=True)
-    gain, phase, _, _, at_gain, _ = control.stability_margins(response, returnall=True)
-    at_gain, phase = np.asarray(at_gain), np.asarray(phase)
-    kept = at_gain > locus.frequency[0] * 1.01
-    above_one = [g for g in np.asarray(gain) if g > 1.0]
-    if not kept.any():
-        return Margins(float(min(above_one, default=np.inf)), np.inf, np.inf, np.nan)
-    lags = np.deg2rad(phase[kept] % 360.0) / at_gain[kept]
-    k = int(np.argmin(lags))
-    return Margins(float(min(above_one, default=np.inf)), float(phase[kept][k]), float(lags[k]), float(at_gain[kept][k]))
+    return control.frd(locus.response, locus.frequency, smooth=True)
+
+
+def _crossings(locus: Locus) -> list[tuple[float, float]]:
+    """Pairs (delay that uses up the phase margin [s], frequency [rad/s]) of all crossings |L| = 1."""
+    import control
+
+    _, phase, _, _, frequency, _ = control.stability_margins(_response(locus), returnall=True)
+    pairs = zip(np.atleast_1d(phase), np.atleast_1d(frequency))
+    return [(float(np.deg2rad(p % 360.0) / w), float(w)) for p, w in pairs if w > 1.01 * locus.frequency[0]]
+
+
+def _gains_at_crossing(locus: Locus) -> list[float]:
+    import control
+
+    gain = control.stability_margins(_response(locus), returnall=True)[0]
+    return [float(g) for g in np.atleast_1d(gain) if np.isfinite(g)]

@@ -1,0 +1,56 @@
+"""The strongest evidence that holds for a point: from a proof for every mass and delay law down to one simulation."""
+
+from enum import Enum
+
+from cosim.outcome import Outcome
+
+
+class Evidence(str, Enum):
+    """What is known of a loop, strongest first; the value is the word in tables, `meaning` says it in a sentence."""
+
+    ANY_MASS = "any mass, any delay law"
+    KNOWN_MASS = "known mass, any delay law"
+    CONSTANT_DELAY = "constant delay"
+    SIMULATED = "simulated"
+    FALSIFIED = "falsified"
+    NONE = "none"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for the reader."""
+        return _MEANING[self]
+
+
+_MEANING = {
+    Evidence.ANY_MASS: "the delay-sum condition holds: stable for every mass and every delay law below the bounds",
+    Evidence.KNOWN_MASS: "small gain with the linearised plant: stable near the pose for every delay law below the bounds",
+    Evidence.CONSTANT_DELAY: "the exact spectrum of the linearised loop lies in the left half plane: stable near the pose for this constant delay",
+    Evidence.SIMULATED: "small disturbances died out in the simulated motion, and nothing more is known",
+    Evidence.FALSIFIED: "small disturbances grew, in the simulation or by the exact spectrum",
+    Evidence.NONE: "neither a condition nor the simulation decides",
+}
+
+UNSTABLE = (Outcome.GROWING, Outcome.LIMIT_CYCLE, Outcome.DIVERGED)
+"""Outcomes that show an unstable loop."""
+
+
+def strongest(outcome: Outcome | None, any_mass: bool = False, known_mass: bool = False, abscissa: float | None = None,
+              constant: bool = True) -> Evidence:
+    """The strongest evidence, given the simulated outcome (None: not simulated) and what the conditions say.
+
+    A simulation that grows falsifies whatever a condition said (its assumptions did not hold). `abscissa` [1/s] counts only for
+    `constant` delays; None where there is no linearisation.
+    """
+    if outcome in UNSTABLE:
+        return Evidence.FALSIFIED
+    if any_mass:
+        return Evidence.ANY_MASS
+    if known_mass:
+        return Evidence.KNOWN_MASS
+    if constant and abscissa is not None and abscissa < 0.0:
+        return Evidence.CONSTANT_DELAY
+    if outcome is Outcome.CONVERGED:
+        return Evidence.SIMULATED
+    if constant and abscissa is not None and abscissa > 0.0:
+        return Evidence.FALSIFIED
+    return Evidence.NONE

@@ -4,6 +4,7 @@ import numpy as np
 
 from cosim.master import Result
 from cosim.outcome import Outcome
+from cosim.plots.applications import application_sections
 from cosim.plots.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, figure, to_svg
 from cosim.plots.wiring import block_diagram, milliseconds
 from cosim.report import Figure, Report, Section, Table, cell
@@ -20,7 +21,8 @@ _BAD = {Outcome.GROWING, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, Outcome.FAILED}
 def run_report(judged: Judged) -> Report:
     """The report of a run."""
     result = judged.result
-    sections = [_found(judged), _tracking(result), _forces(result), _delays(result), _others(result), _wiring(judged), _components(judged)]
+    sections = [_found(judged), *application_sections(result), _tracking(result), _forces(result), _delays(result), _others(result),
+                _wiring(judged), _components(judged)]  # fmt: skip
     mood = "good" if judged.outcome in _GOOD else "bad" if judged.outcome in _BAD else "neutral"
     return Report(result.scenario.title or result.scenario.name, _verdict(judged), [s for s in sections if s is not None],
                   provenance(result), mood)  # fmt: skip

@@ -40,6 +40,7 @@ _ARM_VECTORS = {"viscous": 10, "coulomb": 13, "coulomb_velocity": 16, "stiffness
 _ARM_PARAMETERS = {"pi", "gravity_compensation", "mounting", "internal_steps", "workspace_limits", *_ARM_VECTORS}
 _CONTROLLER_VECTORS = {"stiffness": 0, "damping": 3, "joint_stiffness": 6, "joint_damping": 9}
 _NUMBERS = {_ARM: 31, _CONTROLLER: 13, _CHANNEL: 0, _SERIES: 0}
+_SHARED = ("internal_steps", "workspace_limits", "interpolation")
 _CHANNEL_NEUTRAL = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
 _MOST_OUTPUTS = 12  # of a series
 _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
@@ -84,7 +85,7 @@ def _vector_flags() -> tuple[str, ...]:
     if not this_platform().startswith("x86_64"):
         return (*fast, "-DREAL_LANES=2")
     if has.get("AVX512F") and has.get("AVX512_SKX"):
-        return (*fast, "-DREAL_LANES=8", "-march=x86_64_v4")
+        return (*fast, "-DREAL_LANES=16", "-march=x86_64_v4")
     if has.get("AVX2") and has.get("FMA3"):
         return (*fast, "-DREAL_LANES=4", "-march=x86_64_v3")
     return (*fast, "-DREAL_LANES=2")
@@ -111,7 +112,7 @@ def lanes() -> int:
 
 def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
-    parts = [_Part.of(wiring, name) for name in wiring.scenario.components]
+    parts = _Part.all(wiring)
     places = _Places.of(wiring, parts, record)
     for part in parts:
         if (reason := _unfit(part, wiring)) is not None:
@@ -183,9 +184,15 @@ class _Part:
         return cls(name, model or "a foreign FMU", _KINDS.get(model, _SERIES), inputs, tuple(wiring.outputs(name)),
                    dict(wiring.starts[name]), wiring.descriptions[name])  # fmt: skip
 
+    @classmethod
+    def all(cls, wiring: Wiring) -> tuple[_Part, ...]:
+        """The components of a scenario, in its order."""
+        return tuple(cls.of(wiring, name) for name in wiring.scenario.components)
+
     def number(self, name: str) -> float:
         """Start value of a scalar variable."""
-        return float(self.starts.get(name, self.description.variables[name].start or 0.0))
+        value = self.starts.get(name)
+        return float(self.description.variables[name].start or 0.0) if value is None else float(value)
 
     def vector(self, name: str, size: int = 3) -> list[float]:
         return [self.number(f"{name}[{i + 1}]") for i in range(size)]
@@ -232,9 +239,10 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     wirings: of scenarios with the same components, connections and experiment, each of which `refusal` accepts; record:
     signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
     """
-    batches = _batches(wirings)
-    feed = _Feed()
-    tasks = [[_Setting.of(wirings[i], feed) for i in batch] for batch in batches]
+    alike, feed = _Part.all(wirings[0]), _Feed()
+    settings = [_Setting.of(wiring, alike, feed) for wiring in wirings]
+    batches = _batches(settings)
+    tasks = [[settings[i] for i in batch] for batch in batches]
     with ThreadPoolExecutor(max_workers=workers) as pool:
         found = list(pool.map(lambda settings: _run_lanes(settings, record), tasks))
     results: list[Result | None] = [None] * len(wirings)
@@ -244,19 +252,13 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     return results
 
 
-def _batches(wirings: Sequence[Wiring]) -> list[list[int]]:
-    """Indices of scenarios that share what all lanes must share, as many as there are lanes."""
+def _batches(settings: Sequence[_Setting]) -> list[list[int]]:
+    """Indices of settings that share what all lanes must share, as many as there are lanes."""
     alike = defaultdict(list)
-    for i, wiring in enumerate(wirings):
-        alike[_shared(wiring)].append(i)
+    for i, setting in enumerate(settings):
+        alike[setting.shared].append(i)
     width = lanes()
     return [group[k : k + width] for group in alike.values() for k in range(0, len(group), width)]
-
-
-def _shared(wiring: Wiring) -> tuple:
-    names = ("internal_steps", "workspace_limits", "interpolation")
-    parts = [_Part.of(wiring, name) for name in wiring.scenario.components]
-    return tuple(part.number(name) for part in parts for name in names if name in part.description.variables)
 
 
 class _Feed:
@@ -296,9 +298,15 @@ class _Setting:
     series: tuple[np.ndarray | None, ...] = field(eq=False)
 
     @classmethod
-    def of(cls, wiring: Wiring, feed: _Feed) -> _Setting:
-        parts = tuple(_Part.of(wiring, name) for name in wiring.scenario.components)
+    def of(cls, wiring: Wiring, alike: Sequence[_Part], feed: _Feed) -> _Setting:
+        """The lane of a wiring whose components are `alike` but for their start values."""
+        parts = tuple(evolve(part, starts=wiring.starts[part.name]) for part in alike)
         return cls(wiring, parts, tuple(_numbers(p) for p in parts), tuple(_series(wiring, p, feed) for p in parts))
+
+    @property
+    def shared(self) -> tuple[float, ...]:
+        """What all lanes of a call must have in common."""
+        return tuple(p.number(name) for p in self.parts for name in _SHARED if name in p.description.variables)
 
 
 def _numbers(part: _Part) -> np.ndarray:

@@ -22,15 +22,28 @@ COMMANDS = {
 }
 
 
+_REPEATED = ("--test", "--platform")
+"""Options that take several values in a row: `--test A.csv B.csv` is `--test A.csv --test B.csv`."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
-    words = [word for word in words if word != "--debug"]
+    words = _repeated([word for word in words if word != "--debug"])
     if words in (["--version"], ["-V"]):
         print(_version())
         sys.exit(0)
     _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
+
+
+def _repeated(words: list[str]) -> list[str]:
+    """The words with the option put before each further value of an option that takes several."""
+    result, option, taken = [], "", 0
+    for word in words:
+        option, taken = (word, 0) if word.startswith("-") else (option, taken + 1)
+        result += [option, word] if option in _REPEATED and taken > 1 else [word]
+    return result
 
 
 def _app(name: str | None, debug: bool):

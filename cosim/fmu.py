@@ -12,16 +12,17 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
+from weakref import WeakValueDictionary
 
 import numpy as np
 from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.scenario import Component, Scenario
-from cosim.signals import Description, Unit, Variable
+from cosim.signals import Description, Unit, Variable, stem
 from cosim.slave import Slave
 from cosim.wiring import Wiring, restarted, wire
 
@@ -363,6 +364,12 @@ def _by_kind(values: Mapping[str, float | str], slave: FmuSlave) -> dict[str, li
     return kinds
 
 
+def _few(verb: str, names: Sequence[str]) -> str:
+    """`get y, w, ...`: what a call is about, in a few words."""
+    stems = list(dict.fromkeys(map(stem, names)))
+    return f"{verb.lower()} {', '.join(stems[:4])}{', ...' if len(stems) > 4 else ''}"
+
+
 class _Bank:
     """Variables of one type behind one FMI call; `array` are their doubles, `buffer` what the FMU sees."""
 
@@ -425,7 +432,7 @@ class Fmi2Slave(FmuSlave):
         pointer = _pointer(buffer, ctypes.c_double if kind == "Real" else ctypes.c_int)
         function = self.function(verb + kind)
         call = _caller(function, self.component, self.references(names), len(names), pointer)
-        return _Bank(call, f"{verb.lower()} {', '.join(names)}", array, buffer)
+        return _Bank(call, _few(verb, names), array, buffer)
 
     def _wire_slopes(self) -> None:
         if self.sloped:
@@ -461,14 +468,23 @@ class Fmi2Slave(FmuSlave):
         raise self._error(f"step discarded, {reached}")
 
 
+_SPEAKERS: WeakValueDictionary[int, FmuSlave] = WeakValueDictionary()  # by the environment that an FMU hands to its logger
+
+
 def _callbacks(slave: FmuSlave):
-    """Callbacks for FMI 2.0 whose logger keeps what the FMU says."""
+    """Callbacks for FMI 2.0 whose logger finds the slave by the component environment.
+
+    All instances share one logger, which lives as long as the process: fmpy's compiled helper, which fills in the printf
+    marks of a message, remembers only the logger that it was given last.
+    """
     from fmpy import calloc, fmi2, free
 
     callbacks = fmi2.fmi2CallbackFunctions()
-    callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, status, category, text: slave._log(status, text))
+    callbacks.logger = _logger2()
     callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
     callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+    callbacks.componentEnvironment = id(slave)
+    _SPEAKERS[id(slave)] = slave
     try:
         from fmpy.logging import addLoggerProxy
 
@@ -476,6 +492,18 @@ def _callbacks(slave: FmuSlave):
     except (ImportError, OSError, AttributeError):
         pass  # without fmpy's compiled helper, messages keep their printf marks
     return callbacks
+
+
+@cache
+def _logger2():
+    from fmpy import fmi2
+
+    def hear(environment, name, status, category, text) -> None:
+        slave = _SPEAKERS.get(environment)
+        if slave is not None:
+            slave._log(status, text)
+
+    return fmi2.fmi2CallbackLoggerTYPE(hear)
 
 
 _CTYPES3 = {
@@ -515,7 +543,7 @@ class Fmi3Slave(FmuSlave):
             raise self._error(str(error)) from None
 
     def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> _Bank:
-        return self._bank_of(verb, kind, self.references(names), array, f"{verb.lower()} {', '.join(names)}")
+        return self._bank_of(verb, kind, self.references(names), array, _few(verb, names))
 
     def _bank_of(self, verb: str, kind: str, references, array: np.ndarray, what: str) -> _Bank:
         ctype, count = _CTYPES3[kind], len(references)

@@ -11,7 +11,6 @@ FEWEST_BLOCKS = 8
 STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to show
 INERTIA = 0.01  # share of the torque that inertia has to make there
 EXACT = 1e-4  # residual as a share of the torque that no measurement reaches
-COPIED = 0.95  # R^2 of the torque's fastest part on that of the acceleration: noise of the encoder cannot be in a measured torque
 
 
 @frozen
@@ -47,7 +46,7 @@ def circular(model: Model) -> list[Refusal]:
     for j in range(model.setting.joints):
         if not _moves(model.setting.motion, model.setting.rows, j):
             continue
-        for reason in (_static(model, j), _exact(model, j), _copied(model, j)):
+        for reason in (_static(model, j), _exact(model, j)):
             if reason:
                 out.append(Refusal(j + 1, reason))
                 break
@@ -58,8 +57,8 @@ def _static(model: Model, j: int) -> str:
     """A function of angle and speed reproduces the torque, and inertia, though excited, makes no part of it."""
     s = model.setting
     rows, m = s.rows, s.motion
-    use = s.use[j]
-    if use.sum() < 200 or s.device == "regressor":
+    use = s.use[j] if s.use[j].sum() >= 200 else np.ones(len(rows.index), bool)
+    if use.sum() < 100 or s.device == "regressor":
         return ""
     q, dq, ddq, tau = (rows.filtered(x[:, [j]], False)[use, 0] for x in (m.q, m.dq, m.ddq, m.tau))
     static = np.stack((np.ones_like(q), q, np.sin(q), np.cos(q), dq), axis=1)
@@ -69,11 +68,10 @@ def _static(model: Model, j: int) -> str:
     if share > STATIC:
         return ""
     both = np.column_stack((static, ddq))
-    block = rows.block[use]
     full = np.linalg.lstsq(both, tau, rcond=None)[0][-1]
-    parts = np.array_split(np.unique(block), 8)
-    each = [np.linalg.lstsq(both[np.isin(block, p)], tau[np.isin(block, p)], rcond=None)[0][-1] for p in parts if len(p)]
-    upper = full + 2 * float(np.std(each)) / np.sqrt(len(each))
+    parts = [np.isin(rows.block[use], p) for p in np.array_split(np.unique(rows.block[use]), 8)]
+    rest = [np.linalg.lstsq(both[~p], tau[~p], rcond=None)[0][-1] for p in parts if p.any()]
+    upper = full + 2 * float(np.std(rest)) * np.sqrt(len(rest))  # jackknife by parts
     made = upper * float(np.std(ddq)) / scale
     if made > INERTIA:
         return ""
@@ -89,22 +87,3 @@ def _exact(model: Model, j: int) -> str:
     if share > EXACT:
         return ""
     return f"the model fits the torque to {100 * share:.1g} %: no measurement is that good, the torque was computed from the model (circular)"
-
-
-def _copied(model: Model, j: int) -> str:
-    """The fastest part of the raw torque follows that of the raw second difference: encoder noise stands in the torque column."""
-    m = model.setting.motion
-    if not m.differentiated:
-        return ""
-    fast_q, fast_tau = np.diff(m.q_raw[:, j], 8), np.diff(m.tau_raw[:, j], 6)[1:-1]
-    power = fast_tau @ fast_tau
-    if not fast_q.any() or power <= 0:
-        return ""
-    best = 0.0
-    for shift in range(-3, 4):
-        moved = np.roll(fast_q, shift)
-        toward = moved @ fast_tau
-        best = max(best, toward * max(toward, 0.0) / (moved @ moved) / power)
-    if best < COPIED:
-        return ""
-    return f"the noise of the encoder stands in the torque column (R^2 = {best:.3f}): the torque was computed from the position (circular)"

@@ -70,7 +70,7 @@ def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Depend
     out = [Dependence(("time",), _time, True)]
     out += [Dependence((f"q{i + 1}",), _of(m.q[:, i])) for i in range(nj)]
     out += [Dependence((f"dq{i + 1}",), _of(m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
-    out += [Dependence((f"tau{i + 1}",), _of(m.tau[:, i])) for i in range(nj)]
+    out += [Dependence((f"tau{i + 1}",), _of(scene.rigid[:, i])) for i in range(nj)]  # not the measured one: tau is a function of that
     out += [Dependence((f"q{i + 1}", f"dq{i + 1}"), _product(m.q[:, i], m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
     out += [Dependence((f"history of q{i + 1}",), _history(signals, i)) for i in range(nj)]
     for i in range(nj):

@@ -69,7 +69,8 @@ def _restarts(stretch: Stretch, note: Note) -> list[Stretch]:
         return [stretch]
     blocks = np.split(np.arange(len(stretch.time)), back)
     spans = sorted((stretch.time[block].min(), stretch.time[block].max()) for block in blocks)
-    apart = all(after[0] >= before[1] for before, after in zip(spans, spans[1:], strict=False))
+    slack = SHORTEST * float(np.median(np.abs(np.diff(stretch.time))))  # a few rows out of order are no new recording
+    apart = all(after[0] >= before[1] - slack for before, after in zip(spans, spans[1:], strict=False))
     if apart or min(len(block) for block in blocks) < SHORTEST:
         return [stretch]
     note(f"{stretch.name}: time starts again at row(s) {', '.join(str(b + 1) for b in back[:8])}: "

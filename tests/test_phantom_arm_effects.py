@@ -38,6 +38,8 @@ REQUIRED = {  # parameters, required torque of (q, dq, t, z)
     "viscous": ({"viscous": A}, lambda q, v, t, z: A * v),
     "coulomb": ({"coulomb": A, "coulomb_velocity": C}, lambda q, v, t, z: A * sign(v, C)),
     "stribeck": ({"stribeck": A, "stribeck_velocity": C}, lambda q, v, t, z: A * np.exp(-((v / C) ** 2)) * sign(v)),
+    "stribeck, exponent 1": ({"stribeck": A, "stribeck_velocity": C, "stribeck_exponent": 1.0},
+                             lambda q, v, t, z: A * np.exp(-np.abs(v) / C) * sign(v)),
     "coulomb_asymmetry": ({"coulomb_asymmetry": A}, lambda q, v, t, z: A * sign(v) ** 2),
     "viscous_asymmetry": ({"viscous_asymmetry": A}, lambda q, v, t, z: A * np.abs(v)),
     "torque_offset": ({"torque_offset": A}, lambda q, v, t, z: A),
@@ -88,7 +90,8 @@ def test_payload_is_a_mass_at_the_tip():
 def test_base_tilt_turns_gravity():
     """Against the weights of the four segments at their centres, under gravity turned by scipy."""
     tilt = [0.2, -0.35]
-    up = Rotation.from_euler("XZ", tilt).inv().apply([0, 1, 0])  # intrinsic: about x, then about the new z
+    up = Rotation.from_euler("ZX", [tilt[0], -tilt[1]]).inv().apply([0, 1, 0])  # base turned about z by a, then about its own x by -b
+    assert up[0] == pytest.approx(np.sin(tilt[0])) and np.sign(up[2]) == np.sign(tilt[1])
 
     def potential(q):
         upper = np.array([np.sin(q[0]) * np.cos(q[1]), np.sin(q[1]), np.cos(q[0]) * np.cos(q[1])])
@@ -222,6 +225,20 @@ def test_stiff_joint_moves_like_a_rigid_one():
     assert apart[1] < 0.2 * apart[0] < 0.05
 
 
+def test_an_effect_found_alone_makes_a_model():
+    """close-loop finds a compliance or a gap, not the motor's inertia: what is not given is chosen."""
+    push = {"tau": [0.01, 0.01, 0.01]}
+    rigid = CompiledModel("PhantomArm", gravity_compensation=1, viscous=[5e-3] * 3).start().run(1000, 1e-3, push, ("q",))["q"]
+    for alone, most in (({"joint_compliance": [0, 0, 0.3]}, [0, 0, 0.03]), ({"backlash": [0.02, 0.03, 0.04]}, [0.01, 0.015, 0.02])):
+        m = CompiledModel("PhantomArm", gravity_compensation=1, viscous=[5e-3] * 3, **alone).start()
+        run = m.run(1000, 1e-3, push, ("q", "q_link", "domain"))
+        stretch = np.abs(run["q"] - run["q_link"]).max(axis=0)
+        assert run["domain"].all() and np.abs(run["q"] - rigid).max() < 0.1
+        # compliance: 0.3 rad/(N m) under gravity of 0.074 N m sin q3 and the push; gap: half of it, and its
+        # sides give 0.08 N m / (M33/3 500^2) = 1 mrad, twice that at an impact
+        assert (stretch <= 1.1 * np.array(most)).all() and (stretch >= 0.5 * np.array(most)).all(), stretch
+
+
 def test_hysteresis_is_dahls():
     """A slow stroke: z = 1 - exp(-q/length) on the way out, and bounded where |dq| h is many lengths."""
     m = CompiledModel("PhantomArm", gravity_compensation=1, hysteresis=[1e-4] * 3, hysteresis_length=[0.01] * 3, internal_steps=4,
@@ -271,7 +288,7 @@ def test_every_effect_of_the_contract_is_there_and_zero():
 
 
 @pytest.mark.parametrize("name", sorted(set(effect_parameters()) - {"contact_damping", "contact_distance", "contact_normal", "motor_inertia",
-                                                                    "joint_damping", "backlash"}))
+                                                                    "joint_damping"}))
 def test_every_effect_does_something(name):
     """So that the tests of absence cannot pass on a parameter that nothing reads."""
     amount = {"torque_saturation": 1e-3, "contact_stiffness": 50.0, "joint_compliance": 0.1, "friction_drift": 10.0}.get(name, 5e-3)

@@ -17,6 +17,7 @@ static Joint joint_of(const Model *m)
 #define JOINT_FIELD(name) j.name = m->name;
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
+    joint_complete(&j, m->inertia);
     return j;
 }
 
@@ -89,11 +90,9 @@ static const char *start(Model *m)
     const Joint j = joint_of(m);
     set_start_state(m);
     m->last_time = m->origin;
-    if (m->backlash > 0 && !(m->joint_compliance > 0)) {
-        snprintf((char *)m->text, sizeof m->text, "joint_compliance = %g: backlash = %g needs a compliance > 0", m->joint_compliance, m->backlash);
-        return (const char *)m->text;
-    }
-    if (m->joint_compliance > 0 && !(m->motor_inertia > 0 && m->motor_inertia < m->inertia)) {
+    const char *problem = joint_check(&j, 1, (char *)m->text, sizeof m->text);
+    if (problem) return problem;
+    if (j.joint_compliance > 0 && !(j.motor_inertia < m->inertia)) {
         snprintf((char *)m->text, sizeof m->text, "motor_inertia = %g is outside (0, %g): an elastic joint needs a part of the inertia",
             m->motor_inertia, m->inertia);
         return (const char *)m->text;
@@ -131,7 +130,7 @@ static void outputs(Model *m, double t)
 {
     (void)t;
     const Joint j = joint_of(m);
-    const int elastic = m->joint_compliance > 0;
+    const int elastic = j.joint_compliance > 0;
     m->q = joint_encoder(&j, elastic ? m->q_motor : m->q_link);
     m->dq = elastic ? m->dq_motor : m->dq_link;
     m->tau_motor = delivered(m, &j);

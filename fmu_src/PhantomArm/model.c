@@ -21,6 +21,7 @@ static Joint joint_of(const Model *m, int i)
 #define JOINT_FIELD(name) j.name = m->name[i];
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
+    joint_complete(&j, m->start_inertia[i]);
     return j;
 }
 
@@ -37,7 +38,7 @@ static int any(const double *values, int n)
     return 0;
 }
 
-/* pi with mounting and payload; `up` of the tilted base: Rz(-tilt2) Rx(-tilt1) (0, 1, 0). */
+/* pi with mounting and payload; up = (sin a, cos a cos b, cos a sin b): the vertical leans by a towards x and by b towards z. */
 static void set_body(Model *m)
 {
     const double gravity = (int)m->mounting == MOUNTING_UPSIDE_DOWN ? -1.0 : 1.0;
@@ -48,9 +49,9 @@ static void set_body(Model *m)
     if (m->payload > 0) arm_add_payload(m->body, m->payload, gravity * ARM_GRAVITY);
     sincos_real(m->base_tilt[0], &s1, &c1);
     sincos_real(m->base_tilt[1], &s2, &c2);
-    m->up[0] = s2 * c1;
-    m->up[1] = c2 * c1;
-    m->up[2] = -s1;
+    m->up[0] = s1;
+    m->up[1] = c1 * c2;
+    m->up[2] = c1 * s2;
 }
 
 static void set_start_state(Model *m)
@@ -139,7 +140,7 @@ static void add_coupling(const Model *m, const double q[3], const double dq[3], 
 static void motor_side(const Model *m, double q[3], double dq[3])
 {
     for (int i = 0; i < 3; i++) {
-        const int elastic = m->joint_compliance[i] > 0;
+        const int elastic = m->elastic[i] != 0;
         q[i] = elastic ? m->q_motor[i] : m->q_link[i];
         dq[i] = elastic ? m->dq_motor[i] : m->dq_link[i];
     }
@@ -222,7 +223,7 @@ static void derivatives(Model *m, double t)
     else m->indefinite = 1;
 }
 
-/* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. */
+/* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. Completes elastic joints. */
 static const char *check_relations(Model *m)
 {
     char *text = (char *)m->text;
@@ -237,19 +238,18 @@ static const char *check_relations(Model *m)
         return text;
     }
     for (int i = 0; i < 3; i++) {
-        if (m->backlash[i] > 0 && !(m->joint_compliance[i] > 0)) {
-            snprintf(text, size, "joint_compliance[%d] = %g: backlash[%d] = %g needs a compliance > 0", i + 1, m->joint_compliance[i],
-                i + 1, m->backlash[i]);
+        m->start_inertia[i] = *diagonal[i];
+        const Joint j = joint_of(m, i);
+        const char *problem = joint_check(&j, i + 1, text, size);
+        if (problem) return problem;
+        m->elastic[i] = j.joint_compliance > 0;
+        if (m->elastic[i] == 0) continue;
+        if (!(j.motor_inertia < *diagonal[i])) {
+            snprintf(text, size, "motor_inertia[%d] = %g is outside (0, %.6g): an elastic joint needs a part of the inertia of pi",
+                i + 1, m->motor_inertia[i], *diagonal[i]);
             return text;
         }
-        if (m->joint_compliance[i] > 0) {
-            if (!(m->motor_inertia[i] > 0 && m->motor_inertia[i] < *diagonal[i])) {
-                snprintf(text, size, "motor_inertia[%d] = %g is outside (0, %.6g): an elastic joint needs a part of the inertia of pi",
-                    i + 1, m->motor_inertia[i], *diagonal[i]);
-                return text;
-            }
-            *diagonal[i] -= m->motor_inertia[i];
-        }
+        *diagonal[i] -= j.motor_inertia;
     }
     if (!arm_positive_definite(&inertia, 1e-5)) {
         snprintf(text, size, "motor_inertia = %g, %g, %g leaves links without positive definite M(q_start): make it smaller",
@@ -268,6 +268,8 @@ static const char *start(Model *m)
     double length = 0;
     set_body(m);
     set_start_state(m);
+    const char *problem = check_relations(m);
+    if (problem) return problem;
     m->plain = 1;
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);
@@ -279,8 +281,6 @@ static const char *start(Model *m)
     m->delays = any(m->time_delay, 3);
     m->impedance = any(m->stiffness, 3) || any(m->damping, 3);
     m->last_time = m->origin;
-    const char *problem = check_relations(m);
-    if (problem) return problem;
     const ArmPose p = arm_pose(m->q_link);
     delivered(m, &p, m->tau_lag);
     for (int i = 0; i < 3; i++)

@@ -14,7 +14,7 @@
 #define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
 
 #define JOINT_PARAMETERS(F) \
-    F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(coulomb_asymmetry) F(viscous_asymmetry) \
+    F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(stribeck_exponent) F(coulomb_asymmetry) F(viscous_asymmetry) \
     F(torque_offset) F(load_friction) F(position_friction_sin) F(position_friction_cos) F(position_torque) \
     F(position_torque_quadratic) F(position_torque_cubic) F(position_torque_sin) F(position_torque_cos) F(ripple_sin) \
     F(ripple_cos) F(ripple_order) F(hysteresis) F(hysteresis_length) F(quadratic_drag) F(friction_drift) F(torque_gain) \
@@ -26,6 +26,17 @@ typedef struct {
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
 } Joint;
+
+/* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap so
+ * stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */
+static inline void joint_complete(Joint *j, double inertia)
+{
+    if (!(j->joint_compliance > 0 || j->backlash > 0)) return;
+    if (!(j->motor_inertia > 0)) j->motor_inertia = inertia / 3;
+    if (j->joint_compliance > 0) return;
+    j->joint_compliance = 1 / (j->motor_inertia * 500.0 * 500.0);
+    if (!(j->joint_damping > 0)) j->joint_damping = 2 * 0.3 * 500.0 * j->motor_inertia;
+}
 
 /* s(dq) = dq / sqrt(dq^2 + v^2) */
 static inline double joint_sign(const Joint *j, double dq)
@@ -42,7 +53,7 @@ static inline int joint_is_plain(const Joint *j)
         && j->position_torque_sin == 0 && j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0
         && j->hysteresis == 0 && j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0
         && j->torque_deadband == 0 && j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0
-        && j->joint_compliance == 0;
+        && j->joint_compliance == 0 && j->backlash == 0;
 }
 
 /* fv dq + fc s (N m) */
@@ -60,8 +71,8 @@ static inline double joint_required(const Joint *j, double q, double dq, double 
     double torque = joint_basic_friction(j, dq), sine = 0, cosine = 0;
     if (j->friction_drift != 0) torque *= 1 + j->friction_drift * t;
     if (j->stribeck != 0) {
-        const double u = dq / j->stribeck_velocity;
-        torque += j->stribeck * exp_real(-(u * u)) * s;
+        const double u = speed / j->stribeck_velocity;
+        torque += j->stribeck * exp_real(j->stribeck_exponent == 2 ? -(u * u) : -u) * s;
     }
     if (j->coulomb_asymmetry != 0) torque += j->coulomb_asymmetry * (s * s);
     if (j->viscous_asymmetry != 0) torque += j->viscous_asymmetry * speed;
@@ -140,6 +151,14 @@ static inline const char *joint_remember(Ring *ring, const double *record, doubl
     }
     ring_insert(ring, record);
     return NULL;
+}
+
+/* Parameters of one joint that the table's ranges do not say: NULL, or what is wrong. */
+static inline const char *joint_check(const Joint *j, int number, char *text, size_t size)
+{
+    if (j->stribeck_exponent == 1 || j->stribeck_exponent == 2) return NULL;
+    (void)snprintf(text, size, "stribeck_exponent[%d] = %g is neither 1 nor 2", number, j->stribeck_exponent);
+    return text;
 }
 
 /* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do.

@@ -33,7 +33,10 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
     strict = evolve(rule, gain=FLEXIBLE * rule.gain, size=1.25 * rule.size)
     found, normal = [], Normal(model)
     for kind in kinds:
+        basis = model.setting.rows.filtered(kind.columns(model.scene, (0,), ())[0], kind.sharp)
         for joint in range(model.setting.joints):
+            model._cache[(kind.key, (joint,), (), tuple(model.laws))] = {joint: basis}
+            model._cache[("grid", kind.key, (joint,), tuple(model.laws))] = [((), {joint: basis})]
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is not None and not _refusal(strict, evidence, kind):
                 found.append(Leftover(evidence))

@@ -71,7 +71,7 @@ class ExternalContact(Effect):
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         out = []
         for n in normals:
-            for d in np.percentile(x[::10] @ n, (55, 70, 82, 90, 95)):
+            for d in np.percentile(x[::10] @ n, (60, 80, 92)):
                 out.append((*map(float, n), float(d)))
         return tuple(out)
 

@@ -1,0 +1,116 @@
+"""closure.json: the answer in the words of CONTRACT.md, with evidence."""
+
+import math
+
+from cosim.closure.closure import Closure
+from cosim.closure.evidence import Evidence
+from cosim.closure.verdict import Finding
+
+
+def answer(closure: Closure) -> dict:
+    """The whole answer as plain data for JSON."""
+    verdict = closure.verdict
+    return {
+        "verdict": verdict.answer.value,
+        "effects": [*map(_finding, verdict.findings), *_unknown(closure)],
+        "torque_error": _torque(closure),
+        "replay_error": _replay(closure),
+        "warnings": list(closure.warnings),
+        "device": closure.recording.device,
+        "joints": list(closure.recording.joints),
+        "withdrawn": [{"name": f.name, "joints": list(f.joints), "reason": why} for f, why in verdict.withdrawn],
+        "candidates": _candidates(closure),
+        "untestable": _untestable(closure),
+        "model": {"before": closure.values_before, "after": closure.values_after},
+        "files": list(closure.recording.files),
+    }
+
+
+def evidence(e: Evidence) -> dict:
+    """Numbers that carry a claim."""
+    return {
+        "p_value": e.p, "squared_error_removed": {"fitted_blocks": e.gain_fit, "held_out_blocks": e.gain_held},
+        "standard_errors": {"fitted_blocks": e.t_fit, "held_out_blocks": e.t_held}, "share_of_torque": e.size,
+    }  # fmt: skip
+
+
+def _finding(found: Finding) -> dict:
+    return {
+        "name": found.name, "joints": list(found.joints), "parameters": dict(found.parameters),
+        "interval": {name: list(pair) for name, pair in found.interval.items()},
+        "indistinguishable_from": list(found.aliases), "separated_by": found.separated_by,
+        "evidence": evidence(found.evidence) | {
+            "equation": found.effect.equation, "source": found.effect.source,
+            "also_close": [r.evidence.name for r in found.indistinguishable][len(found.aliases):],
+            "rivals": [{"name": r.evidence.name, "joints": [j + 1 for j in r.evidence.joints], "worse_by_standard_errors": _number(r.worse)}
+                       for r in found.rivals[:6]],
+        },
+    }  # fmt: skip
+
+
+def _unknown(closure: Closure) -> list[dict]:
+    """What is left without a name: per joint the signals, strongest first."""
+    joints: dict[int, list] = {}
+    for leftover in closure.verdict.leftovers:
+        joints.setdefault(leftover.joint, []).append(leftover)
+    out = []
+    for joint, found in joints.items():
+        signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
+        out.append({
+            "name": "unknown", "joints": [joint + 1], "parameters": {}, "interval": {}, "signals": signals,
+            "indistinguishable_from": [], "separated_by": "",
+            "evidence": evidence(found[0].evidence) | {"depends_on": [
+                {"signals": list(x.signals), "squared_error_removed": x.evidence.gain_fit} for x in found[:6]]},
+        })  # fmt: skip
+    return out
+
+
+def _torque(closure: Closure) -> dict:
+    count = len(closure.recording.joints)
+    e = closure.error
+    if e is None:
+        none = [None] * count
+        return {"metric": "rms_percent", "rows": "held_out", "before": none, "after": none, "interval": [[None, None]] * count, "floor": none}
+    return {
+        "metric": "rms_percent", "rows": "held_out", "before": _numbers(e.before), "after": _numbers(e.after),
+        "interval": [_numbers(pair) for pair in e.interval], "floor": _numbers(closure.floor or (None,) * count),
+        "moving_rows": {"before": _numbers(e.moving_before), "after": _numbers(e.moving_after), "share": _numbers(e.share_moving)},
+        "fitted_rows": {"before": _numbers(e.fitted_before), "after": _numbers(e.fitted_after)},
+    }  # fmt: skip
+
+
+def _replay(closure: Closure) -> dict | None:
+    r = closure.replay
+    if r is None:
+        return None
+    return {
+        "metric": "rms_percent of torque", "kind": r.kind, "before": _numbers(r.before), "after": _numbers(r.after),
+        "interval": [_numbers(pair) for pair in r.interval], "position_before": _numbers(r.position_before),
+        "position_after": _numbers(r.position_after), "runs": list(r.runs),
+    }  # fmt: skip
+
+
+def _candidates(closure: Closure) -> list[dict]:
+    if closure.selection is None:
+        return []
+    out = []
+    for number, step in enumerate(closure.selection.steps, 1):
+        for e, why in zip(step.weighed, step.refusals, strict=True):
+            state = "accepted" if e is step.taken else (why or "another candidate explains more")
+            out.append({"round": number, "name": e.name, "joints": [j + 1 for j in e.joints], "decision": state} | evidence(e))
+    return out
+
+
+def _untestable(closure: Closure) -> list[dict]:
+    if closure.selection is None:
+        return []
+    return [{"name": c.choice.effect.name, "joints": [j + 1 for j in c.choice.joints], "reason": c.reason}
+            for c in closure.selection.untestable]  # fmt: skip
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _numbers(values) -> list[float | None]:
+    return [_number(v) for v in values]

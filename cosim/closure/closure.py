@@ -1,0 +1,198 @@
+"""The loop closed with measured data: recording in, verdict with evidence out, in one pass of named stages."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.closure import effects_file
+from cosim.closure.errors import TorqueError, torque_error
+from cosim.closure.floor import floor
+from cosim.closure.model import Choice, Model, complete, with_choices
+from cosim.closure.motion import prepare, thinned
+from cosim.closure.refusal import circular, motion_refusals
+from cosim.closure.selection import Rule, Selection, polished, select
+from cosim.closure.setting import pose
+from cosim.closure.verdict import Answer, Finding, Verdict, intervals, judge
+from cosim.effects import Effect, library
+from cosim.measured import Recording
+
+POOR = 50.0  # RMS%: a model that leaves more than this of every joint's torque is no model to add effects to
+
+
+@frozen
+class Options:
+    """The rule of the claims, the library, effects of an earlier pass, and who is told of progress."""
+
+    rule: Rule = Rule()
+    effects: tuple[Effect, ...] = field(factory=library)
+    previous: tuple[Choice, ...] = ()
+    replayed: bool = True
+    progress: Callable[[str], None] = lambda text: None
+
+
+@frozen(eq=False)
+class Closure:
+    """Everything that was found. `before`: the model at the start (with the effects of an earlier pass), None where refused early."""
+
+    recording: Recording
+    verdict: Verdict
+    before: Model | None = None
+    selection: Selection | None = None
+    error: TorqueError | None = None
+    floor: tuple[float | None, ...] = ()
+    replay: object = None
+    values_before: dict = field(factory=dict)
+    values_after: dict = field(factory=dict)
+    effect_values: dict = field(factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+def close_loop(recording: Recording, options: Options = Options()) -> Closure:
+    """Residual, missing effect, effect added, error before and after on held-out rows."""
+    tell = options.progress
+    tell("smoothing and differentiating")
+    motion = prepare(recording)
+    rows = thinned(motion)
+    refusals = motion_refusals(motion, rows)
+    if any(r.joint == 0 for r in refusals):
+        return _refused(recording, refusals)
+    tell("fitting the complete model")
+    before = complete(pose(recording, motion, rows))
+    refusals += circular(before)
+    if refusals:
+        return _refused(recording, refusals, before)
+    if options.previous:
+        before = polished(with_choices(before, options.previous))
+    tell("searching for missing effects")
+    selection = select(before, options.effects, options.rule, tell)
+    verdict = judge(selection, options.effects, options.rule, tell)
+    return _completed(recording, before, selection, verdict, options)
+
+
+def _refused(recording: Recording, refusals, before: Model | None = None) -> Closure:
+    texts = [f"joint {r.joint}: {r.reason}" if r.joint else r.reason for r in refusals]
+    return Closure(recording, Verdict(Answer.REFUSED, warnings=texts), before, warnings=(*texts, *recording.warnings))
+
+
+def _completed(recording: Recording, before: Model, selection: Selection, verdict: Verdict, options: Options) -> Closure:
+    """Errors, floor, replay and warnings around the verdict."""
+    verdict = _no_worse(verdict, before)
+    verdict = _without_names(verdict, before, torque_error(before, verdict.best))
+    error = torque_error(before, verdict.best)
+    values = [_values(recording, m) for m in (before, verdict.model)]
+    own = _summed(verdict.findings)
+    closure = Closure(
+        recording, verdict, before, selection, error, floor(before), None, values[0], values[1],
+        effects_file.start_values(own, recording.device), (*recording.warnings, *_warnings(before, verdict)),
+    )  # fmt: skip
+    return _replayed(closure, options) if options.replayed else closure
+
+
+def _no_worse(verdict: Verdict, before: Model) -> Verdict:
+    """Nothing is added that makes held-out rows worse, standstill and reversals included: neither a smooth correction nor names."""
+    correction = torque_error(verdict.model, verdict.best)
+    if _worse(correction):
+        verdict = evolve(verdict, best=verdict.model)
+    if verdict.findings and _worse(torque_error(before, verdict.model)):
+        text = "all held-out rows together, standstill and reversals included, are worse with it"
+        withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
+        verdict = evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before)
+    return verdict
+
+
+def _worse(error: TorqueError) -> bool:
+    return any(after > 1.01 * before for before, after in zip(error.before, error.after, strict=True))
+
+
+def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:
+    """No names where even the best model leaves more than half of the torque of every joint."""
+    if verdict.answer is Answer.REFUSED or min(error.after) <= POOR:
+        return verdict
+    text = f"the model explains less than half of the held-out torque (RMS error {min(error.after):.0f} %): no effect can be named"
+    withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
+    return evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before,
+                  warnings=(*verdict.warnings, text))  # fmt: skip
+
+
+def _values(recording: Recording, model: Model) -> dict:
+    """Start values of the drive's FMU for a model: rigid body, friction, effects. Empty for device "regressor"."""
+    if recording.device == "regressor":
+        return {}
+    named = dict(zip(model.names, map(float, model.fit.beta), strict=False))
+    if model.setting.declared_pi is not None:
+        named |= {f"pi[{k + 1}]": float(v) for k, v in enumerate(model.setting.declared_pi)}
+    widths = {f"coulomb_velocity[{j + 1}]": max(law.width, 1e-3 * _top(model, j)) for j, law in enumerate(model.laws)}
+    labels = named | widths
+    for number, choice in enumerate(model.choices):
+        if choice.effect.name != "unknown":
+            for name, value in intervals(model, number)[0].items():
+                labels[name] = labels.get(name, 0.0) + value
+    return effects_file.start_values(labels, recording.device)
+
+
+def _summed(findings: tuple[Finding, ...]) -> dict[str, float]:
+    """Parameters of all findings; two that give the same one (an offset within a position torque) are added."""
+    out: dict[str, float] = {}
+    for found in findings:
+        for name, value in found.parameters.items():
+            out[name] = out.get(name, 0.0) + value
+    return out
+
+
+def _top(model: Model, joint: int) -> float:
+    return float(np.percentile(np.abs(model.setting.motion.dq[:, joint]), 95))
+
+
+def _warnings(before: Model, verdict: Verdict) -> list[str]:
+    out = list(verdict.warnings)
+    out += [f"{f.name} on joint(s) {', '.join(map(str, f.joints))} was withdrawn: {why}" for f, why in verdict.withdrawn]
+    motion, rows = before.setting.motion, before.setting.rows
+    share = 1 - rows.moving.mean(axis=0)
+    out += [f"joint {j + 1}: {100 * s:.0f} % of the rows are near a standstill or a reversal and were left out of the fit"
+            for j, s in enumerate(share) if s > 0.3]  # fmt: skip
+    out += _range_warnings(motion)
+    lags = [f for f in verdict.findings if f.name in ("actuator_lag", "time_delay")]
+    if lags:
+        out.append("a lag estimated from sampled rows holds the half sample of the held torque, which a co-simulation has by itself: "
+                   f"the replay uses it less {500 * motion.step:.2g} ms")  # fmt: skip
+    return out
+
+
+def _range_warnings(motion) -> list[str]:
+    """Held-out rows that leave the range of the fitted rows."""
+    train, out = ~motion.test, []
+    if not motion.test.any():
+        return []
+    for name, x in (("q", motion.q), ("dq", motion.dq)):
+        low, high = x[train].min(axis=0), x[train].max(axis=0)
+        slack = 0.01 * (high - low)
+        beyond = ((x[motion.test] < low - slack) | (x[motion.test] > high + slack)).mean(axis=0)
+        out += [f"{100 * b:.1f} % of the held-out rows ({int(b * motion.test.sum())}) leave the fitted range of {name}{j + 1}"
+                for j, b in enumerate(beyond) if b > 0.005]  # fmt: skip
+    return out
+
+
+def _replayed(closure: Closure, options: Options) -> Closure:
+    """The recorded experiment as a co-simulation with both FMUs; a replay that fails is a warning."""
+    if closure.recording.device == "regressor":
+        return closure
+    options.progress("replaying the experiment with both FMUs")
+    from cosim.closure.replay import replay, without_hold
+    from cosim.errors import InputError, RunError
+
+    step = closure.before.setting.motion.step
+    try:
+        result = replay(closure.recording, without_hold(closure.values_before, step), without_hold(closure.values_after, step))
+    except (InputError, RunError) as error:
+        return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))
+    return evolve(closure, replay=result, warnings=(*closure.warnings, *(result.warnings if result else ())))
+
+
+def load_previous(path: Path | str, effects: tuple[Effect, ...]) -> tuple[Choice, ...]:
+    """Effects of an earlier pass from its effects.toml. Raises InputError."""
+    return effects_file.load(path, effects)
+
+
+__all__ = ["Answer", "Closure", "Finding", "Options", "close_loop", "load_previous"]

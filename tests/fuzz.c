@@ -75,7 +75,7 @@ static int step(void *c, double t, double h) {
 }
 static int set_real(void *c, Reference *vr, size_t n, Real *x) { return fmi3SetFloat64(c, vr, n, x, n); }
 static int get_real(void *c, Reference *vr, size_t n, Real *x) { return fmi3GetFloat64(c, vr, n, x, n); }
-static int enter(void *c) { return fmi3EnterInitializationMode(c, 0, 0.0, odd[below(4)], below(2), any_value(N_VARIABLES)); }
+static int enter_any(void *c) { return fmi3EnterInitializationMode(c, 0, 0.0, odd[below(4)], below(2), any_value(N_VARIABLES)); }
 static int set_other(void *c, Reference *vr, int type, int value) {
     fmi3Int32 i = value;
     fmi3Int64 e = value;
@@ -136,7 +136,7 @@ static int set_real(void *c, Reference *vr, size_t n, Real *x) {
     return below(5) ? fmi2SetReal(c, vr, n, x) : fmi2SetRealInputDerivatives(c, vr, n, order, x);
 }
 static int get_real(void *c, Reference *vr, size_t n, Real *x) { return fmi2GetReal(c, vr, n, x); }
-static int enter(void *c) {
+static int enter_any(void *c) {
     (void)fmi2SetupExperiment(c, 0, 0.0, odd[below(4)], below(2), any_value(N_VARIABLES));
     return fmi2EnterInitializationMode(c);
 }
@@ -203,7 +203,7 @@ static double time_of_instance(void *c) { return ((Instance *)c)->s.time; }
 static void live(void *c, unsigned reference, double value) {
     note(F(Reset)(c));
     note(set_any(c, reference, value));
-    note(enter(c));
+    note(enter_any(c));
     note(F(ExitInitializationMode)(c));
     for (int n = 0; n < 8; n++) {
         for (unsigned i = 0; i < N_VARIABLES; i++) {
@@ -243,7 +243,7 @@ static void any_call(void **c, void **saved, unsigned char *bytes) {
     switch (below(24)) {
     case 0: if (below(20) == 0) { F(FreeInstance)(*c); *c = create_any(); } break;
     case 1: if (below(5) == 0) note(F(Reset)(*c)); break;
-    case 2: note(enter(*c)); break;
+    case 2: note(enter_any(*c)); break;
     case 3: note(F(ExitInitializationMode)(*c)); break;
     case 4: if (below(20) == 0) note(F(Terminate)(*c)); break;
     case 5: case 6: note(set_real(*c, below(30) ? vr : NULL, n, below(30) ? x : NULL)); break;

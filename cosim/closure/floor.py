@@ -1,7 +1,7 @@
 """The noise floor of a recording: how far the torque differs between repeats of the same motion.
 
 Where all joints go through the same motion again after a period P, the torque of the repeats has no reason to differ that a model of
-the motion could know. floor = 100 sqrt(mean over phases of the variance between cycles) / RMS of the torque.
+the motion could know. floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque.
 """
 
 import numpy as np
@@ -65,6 +65,6 @@ def _difference(x: np.ndarray) -> np.ndarray:
 
 
 def _spread(cycles: np.ndarray) -> np.ndarray:
-    """RMS% (nj,) of one cycle about the mean cycle."""
-    within = cycles.var(axis=0, ddof=1).mean(axis=0)
+    """RMS% (nj,) of one cycle, by the median over pairs of neighbouring cycles: the first one often starts from elsewhere."""
+    within = np.median((np.diff(cycles, axis=0) ** 2).mean(axis=1), axis=0) / 2
     return 100 * np.sqrt(within / np.maximum((cycles**2).mean(axis=(0, 1)), 1e-300))

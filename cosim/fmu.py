@@ -50,7 +50,17 @@ def fmu_file(component: Component, scenario: Scenario, progress: Progress | None
         raise RunError(component.kind, None, f"cannot be built: {error}") from None
 
 
+_BUILT: dict[tuple[str, int], Path] = {}  # files of models found or built by this process
+
+
 def _model(model: str, fmi: int, progress: Progress | None) -> Path:
+    path = _BUILT.get((model, fmi))
+    if path is None or not path.is_file():
+        path = _BUILT[model, fmi] = _built(model, fmi, progress)
+    return path
+
+
+def _built(model: str, fmi: int, progress: Progress | None) -> Path:
     from build_fmus.build import fmu_path
     from build_fmus.sources import models
 

@@ -23,7 +23,7 @@ def one_way(round_trips: np.ndarray, share: float, step: float) -> tuple[np.ndar
     if trips.size < 2 or not np.all(trips > 0.0):
         raise InputError(Problem("round trips", "two or more positive times", "others"))
     begin = np.concatenate([[0.0], np.cumsum(trips)[:-1]])
-    time = np.arange(int((begin[-1] + trips[-1]) / step) + 1) * step
+    time = np.arange(int((begin[-1] + trips[-1]) / step + 1e-9) + 1) * step
     there = np.interp(time, begin + share * trips, share * trips)
     back = np.interp(time, begin + trips, (1.0 - share) * trips)
     return time, there, back

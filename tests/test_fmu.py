@@ -1,0 +1,114 @@
+"""Instances of real FMUs through cosim.fmu: files, both versions side by side, errors in the FMU's own words."""
+
+import shutil
+import zipfile
+
+import numpy as np
+import pytest
+from build_fmus.build import fmu_path
+
+from cosim.errors import InputError, RunError
+from cosim.fmu import describe, extracted, load, open_system, read_columns
+from cosim.master import run
+from cosim.scenario import load_scenario, with_parameters
+
+
+def slave_of(fmi, name="c"):
+    return load(name, describe(fmu_path("PLikeController", fmi)))
+
+
+def test_both_versions_are_described_alike():
+    two, three = (describe(fmu_path("PhantomArm", fmi)) for fmi in (2, 3))
+    assert two.integrates and three.integrates and two.takes_slopes and three.takes_slopes
+    assert two.stems("output") == three.stems("output") and two.stems("parameter") == three.stems("parameter")
+    for name in two.names("output") + two.names("parameter"):
+        a, b = two.variables[name], three.variables[name]
+        assert (a.unit, a.start, a.minimum, a.maximum, a.feedthrough, a.items) == (b.unit, b.start, b.minimum, b.maximum, b.feedthrough, b.items)
+    assert two.variables["q[1]"].feedthrough == () and two.variables["q[1]"].unit.name == "rad"
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_errors_carry_name_time_and_words(fmi):
+    slave = slave_of(fmi, "right")
+    other = slave_of(fmi, "other")  # loaded later: must not hear what the first one says
+    slave.wire(["x[1]"], [], ["f[1]"])
+    slave.start({})
+    slave.begin()
+    slave.step(0.0, 0.5)
+    slave.inputs[:] = np.nan
+    with pytest.raises(RunError) as caught:
+        slave.set()
+    assert caught.value.fmu == "right" and caught.value.time == 0.5 and "x[1] = nan" in str(caught.value)
+    assert not other.messages
+    slave.close()
+    other.close()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_reset_forgets(fmi):
+    slave = slave_of(fmi)
+    slave.wire(["x_ref[1]"], ["x_ref[1]"], ["f[1]"])
+    found = []
+    for stiffness in ({"stiffness[1]": 3.0}, {}, {"stiffness[1]": 3.0}):
+        slave.start(stiffness)
+        slave.begin()
+        slave.inputs[:], slave.slopes[:] = 1.0, 2.0
+        slave.set()
+        slave.step(0.0, 0.5)
+        slave.get()
+        found.append(slave.outputs[0])
+    assert found == [6.0, 0.5, 6.0]  # K (1 + 2 * 0.5), the default K being 0.25 N/m
+    slave.close()
+
+
+def test_versions_mix_and_files_replace_models(tmp_path):
+    """A third-party file in place of ours, of the other FMI version: the same bits."""
+    made = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 1.0})
+    shutil.copy(fmu_path("PLikeController", 3), tmp_path / "mine.fmu")
+    mixed = with_parameters(made, {"controller_*.fmu": str(tmp_path / "mine.fmu")})
+    one, other = run(made), run(mixed)
+    assert {f.fmi for f in other.fmus} == {"2.0", "3.0"}
+    assert all(np.array_equal(one.signals[n], other.signals[n]) for n in one.signals)
+
+
+def test_files_that_are_no_fmus_are_refused(tmp_path):
+    (tmp_path / "a.fmu").write_text("nothing")
+    with zipfile.ZipFile(tmp_path / "b.fmu", "w") as archive:
+        archive.writestr("readme.txt", "nothing")
+    for name in ("a.fmu", "b.fmu"):
+        with pytest.raises(InputError, match="an FMU"):
+            describe(tmp_path / name)
+
+
+def test_extraction_is_kept_and_absolute(tmp_path, monkeypatch):
+    path = fmu_path("PLikeController", 2)
+    monkeypatch.setenv("COSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    folder = extracted(path)
+    assert folder.is_absolute() and (folder / "modelDescription.xml").is_file() and extracted(path) == folder
+    assert str(tmp_path) in str(folder)
+
+
+def test_a_system_runs_many_scenarios_and_leaves_the_working_directory():
+    from pathlib import Path
+
+    here = Path.cwd()
+    made = with_parameters(load_scenario("sallam-nodelay"), {"experiment.stop": 0.5})
+    with open_system(made) as system:
+        first = run(made, system)
+        loaded = dict(system.loaded)
+        run(with_parameters(made, {"controller_*.stiffness": 0.5, "experiment.algorithm": "jacobi"}), system)
+        again = run(made, system)
+        assert system.loaded == loaded
+    assert all(np.array_equal(first.signals[n], again.signals[n]) for n in first.signals) and Path.cwd() == here
+
+
+def test_columns_of_a_recording(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("# said\ntime, a,b\n0,1,2\n1,3,4\n")
+    assert read_columns(path, ["b", "time"]).tolist() == [[2.0, 0.0], [4.0, 1.0]]
+    with pytest.raises(InputError, match="did you mean 'time'"):
+        read_columns(path, ["tim"])
+    path.write_text("time,a\n0,x\n")
+    with pytest.raises(InputError, match="numbers"):
+        read_columns(path, ["a"])

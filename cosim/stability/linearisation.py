@@ -99,7 +99,7 @@ def linearise(scenario: Scenario, system: System) -> Loop:
     wiring = system.wiring(scenario)
     slaves = {slave.name: slave for slave in system.slaves(wiring)}
     initialise(wiring, list(slaves.values()))
-    channels = {n: _bounds(wiring, n) for n in scenario.components if wiring.descriptions[n].model == CHANNEL}
+    channels = channel_bounds(wiring)
     fmus = {name: _channel(wiring, name) if name in channels else _linear(wiring, name, slaves[name])
             for name in scenario.components}
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
@@ -112,6 +112,11 @@ def linearise(scenario: Scenario, system: System) -> Loop:
     used = {c for way in terms for c in way.channels}
     return Loop(tuple(states[k] for k in kept), terms, {n: b[:3] for n, b in channels.items() if n in used},
                 all(channels[n][3] for n in used), fmus)
+
+
+def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]]:
+    """For every channel its least, mean and greatest delay [s] and whether it is constant."""
+    return {n: _bounds(wiring, n) for n in wiring.scenario.components if wiring.descriptions[n].model == CHANNEL}
 
 
 def _linear(wiring: Wiring, name: str, slave) -> LinearFmu:

@@ -25,6 +25,17 @@ def delay_law_bound(family: DelayFamily, samples: int = 400) -> float:
     return 1.0 / _scaled_peak(lambda w: _response(family, left, right, w), grid, blocks)
 
 
+def quick_limit(family: DelayFamily) -> float:
+    """A number [s] that `delay_law_bound` cannot pass, from one frequency: no scaling takes a norm below the spectral radius."""
+    if not family.channel.matrices:
+        return 0.0
+    factors = [_factor(matrix) for matrix in family.channel.matrices]
+    left, right = np.hstack([u for u, _ in factors]), np.vstack([v for _, v in factors])
+    slow = np.array([1e-4 * root_bound(family.at(0.0))])
+    radius = float(np.max(np.abs(np.linalg.eigvals(_response(family, left, right, slow)[0]))))
+    return 1.0 / radius if radius > 0 else np.inf
+
+
 def _factor(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A matrix as U V of full rank."""
     u, s, v = np.linalg.svd(matrix)

@@ -1,0 +1,60 @@
+"""Theory curves over a traced map: largest delay or gain by each condition, from the scenario's own linearisation."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cosim.stability.assessment import coupling, sides
+from cosim.stability.criteria import delay_sum, sallam_eq10
+from cosim.stability.linearisation import linearise
+from cosim.stability.spectrum import abscissa
+from cosim.sweep.evaluate import _desk
+from cosim.sweep.points import point
+from cosim.sweep.pool import Task
+from cosim.sweep.spec import Axis, Choice, Sweep
+
+SAMPLES = 33
+
+
+def theory_curves(sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[str, object]) -> dict[str, list[tuple[float, float]]]:
+    """For every curve of the sweep its points (x, y): the zero of each condition along y, at even steps of x.
+
+    Works for conditions whose sign changes once along y; where it does not change, the curve has no point there.
+    """
+    if not sweep.curves:
+        return {}
+    desk = _desk(task.scenario, task.effects)
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in sweep.curves}
+    for share in np.linspace(0.0, 1.0, SAMPLES):
+        at_x = x.number(float(share))
+        for name in sweep.curves:
+            place = _zero(lambda s, n=name: _margin(n, desk, task, sweep, {x.name: at_x, y.name: y.number(s)} | dict(others)))
+            if place is not None:
+                found[name].append((at_x, y.number(place)))
+    return found
+
+
+def _margin(name: str, desk, task: Task, sweep: Sweep, entries: Mapping[str, object | Choice]) -> float:
+    """Negative where the condition holds."""
+    wiring = desk.wiring(task, point(sweep.axes, [entries[axis.name] for axis in sweep.axes]))
+    if name in ("delay_sum", "sallam_eq10"):
+        pair = sides(wiring)
+        if pair is None:
+            return np.nan
+        from cosim.stability.linearisation import channel_bounds
+
+        delays = [bounds[2] for bounds in channel_bounds(wiring).values()]
+        criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), *delays)
+        used = 0.5 * sum(delays) if name == "delay_sum" else float(np.hypot(*delays)) / np.sqrt(2.0)
+        return used - criterion.max_delay
+    return abscissa(linearise(wiring.scenario, desk.system).system())
+
+
+def _zero(function, tolerance: float = 1e-4) -> float | None:
+    """The sign change on [0, 1] by the Illinois method; None where the ends agree."""
+    from scipy.optimize import brentq
+
+    low, high = function(0.0), function(1.0)
+    if not (np.isfinite(low) and np.isfinite(high)) or (low > 0) == (high > 0):
+        return None
+    return float(brentq(function, 0.0, 1.0, xtol=tolerance))

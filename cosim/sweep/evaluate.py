@@ -1,0 +1,164 @@
+"""Evaluators: what is found at points of a sweep. Each is a function of (task, points), exchangeable by name in the sweep's file.
+
+`simulation` runs the batch kernel where it applies and FMUs elsewhere; `cosimulation` always runs FMUs; `spectrum` takes the growth
+rate from the exact spectrum of the loop linearised at its start pose (no simulation). Loaded FMUs stay for the next points.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+
+from attrs import frozen
+
+from cosim.errors import RunError
+from cosim.fmu import FmuSet, open_system
+from cosim.judging import twin_of
+from cosim.master import Result, run
+from cosim.outcome import Outcome
+from cosim.scenario import Scenario, load_scenario, with_parameters
+from cosim.signals import stem
+from cosim.stability.assessment import complete, coupling, sides
+from cosim.stability.criteria import delay_sum
+from cosim.stability.evidence import UNSTABLE, Evidence, strongest
+from cosim.stability.linearisation import channel_bounds, linearise
+from cosim.stability.robust import delay_law_bound, quick_limit
+from cosim.stability.spectrum import abscissa
+from cosim.stability.verdict import Verdict, judge
+from cosim.summary import tracking
+from cosim.sweep.points import Finding, Point
+from cosim.sweep.pool import Task
+from cosim.wiring import Wiring
+
+EVALUATORS: Mapping[str, str] = {name: f"cosim.sweep.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")}
+"""Evaluators by the short names of a sweep's file."""
+_RECORDED = ("q", "dq", "x", "saturated")
+
+
+@frozen
+class _Desk:
+    """A scenario and its loaded FMUs."""
+
+    scenario: Scenario
+    system: FmuSet
+
+    def wiring(self, task: Task, point: Point) -> Wiring:
+        """The checked wiring of the scenario at a point."""
+        return self.system.wiring(with_parameters(self.scenario, dict(task.set) | dict(point.values)))
+
+
+@lru_cache(maxsize=4)
+def _desk(scenario: str, effects: str | None) -> _Desk:
+    chosen = load_scenario(scenario, effects=Path(effects) if effects else None)
+    return _Desk(chosen, open_system(chosen))
+
+
+def check(task: Task, point: Point) -> str:
+    """How the points will be run, in words; raises InputError where the first point does not fit the scenario."""
+    desk = _desk(task.scenario, task.effects)
+    wiring = desk.wiring(task, point)
+    if not task.evaluator.endswith(":simulation"):
+        return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
+            task.evaluator.partition(":")[2], task.evaluator)  # fmt: skip
+    reason = _refusal(wiring)
+    return "batch kernel (same bits as the co-simulation)" if reason is None else f"co-simulation of FMUs (kernel: {reason})"
+
+
+def simulation(task: Task, points: Sequence[Point]) -> list[Finding]:
+    """Twin runs by the batch kernel where it applies, by FMUs elsewhere."""
+    desk = _desk(task.scenario, task.effects)
+    wirings = [desk.wiring(task, point) for point in points]
+    by_kernel = [k for k, wiring in enumerate(wirings) if _refusal(wiring) is None]
+    found: dict[int, Finding] = dict(zip(by_kernel, _batch(desk, [wirings[k] for k in by_kernel])))
+    for k, wiring in enumerate(wirings):
+        if k not in found:
+            found[k] = _simulated(desk, wiring)
+    return [found[k] for k in range(len(points))]
+
+
+def cosimulation(task: Task, points: Sequence[Point]) -> list[Finding]:
+    """Twin runs of FMUs."""
+    desk = _desk(task.scenario, task.effects)
+    return [_simulated(desk, desk.wiring(task, point)) for point in points]
+
+
+def spectrum(task: Task, points: Sequence[Point]) -> list[Finding]:
+    """Exact growth rate of the linearised loop at the start pose, for the mean delays."""
+    desk = _desk(task.scenario, task.effects)
+    found = []
+    for point in points:
+        wiring = desk.wiring(task, point)
+        rate = abscissa(linearise(wiring.scenario, desk.system).system())
+        outcome = Outcome.CONVERGED if rate < 0.0 else Outcome.GROWING
+        evidence = _evidence(desk, wiring, None, rate)
+        found.append(Finding(outcome.value, rate, rate, rate, evidence.value))
+    return found
+
+
+def _refusal(wiring: Wiring) -> str | None:
+    """Why the batch kernel does not apply; None where it does."""
+    try:
+        from cosim.sweep.kernel import refusal
+    except ImportError as error:
+        return str(error)
+    return refusal(wiring, _signals(wiring))
+
+
+def _signals(wiring: Wiring) -> list[str]:
+    """What a verdict and the tracking error read."""
+    names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED and not n.endswith(".saturated")]
+    operator = [n for n in wiring.signals if stem(n) == "operator.f"]
+    return list(dict.fromkeys(stem(n) for n in names + operator if wiring.descriptions[n.partition(".")[0]].integrates or n in operator))
+
+
+def _batch(desk: _Desk, wirings: Sequence[Wiring]) -> list[Finding]:
+    if not wirings:
+        return []
+    from cosim.sweep.kernel import run_batch
+
+    twins = [desk.system.wiring(twin_of(wiring)) for wiring in wirings]
+    results = run_batch([*wirings, *twins], _signals(wirings[0]))
+    pairs = zip(wirings, results[:len(wirings)], results[len(wirings):])
+    return [_finding(desk, wiring, result, twin) for wiring, result, twin in pairs]
+
+
+def _simulated(desk: _Desk, wiring: Wiring) -> Finding:
+    record = [n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"]
+    result = run(wiring.scenario, desk.system, record=record)
+    if result.failure is not None:
+        raise result.failure
+    twin = twin_of(wiring)
+    if twin is None:
+        raise RunError(wiring.scenario.name, None, "no arm whose start could be moved: no growth rate")
+    other = run(twin, desk.system, record=record)
+    if other.failure is not None:
+        raise other.failure
+    return _finding(desk, wiring, result, other)
+
+
+def _finding(desk: _Desk, wiring: Wiring, result: Result, twin: Result) -> Finding:
+    verdict: Verdict = judge(result, twin)
+    evidence = _evidence(desk, wiring, verdict.outcome)
+    apart = tracking(result)
+    numbers = {"tracking_rmse": apart.total} if apart else {}
+    numbers["simulated_time"] = float(result.time[-1])
+    return Finding(verdict.outcome.value, verdict.growth_rate, *verdict.interval, evidence.value, numbers, result.message)
+
+
+def _evidence(desk: _Desk, wiring: Wiring, outcome: Outcome | None, rate: float | None = None) -> Evidence:
+    """The strongest evidence, the dear conditions only where the cheap ones leave it open."""
+    if outcome in UNSTABLE:
+        return Evidence.FALSIFIED
+    channels, pair = channel_bounds(wiring), sides(wiring)
+    if pair is None or len(channels) != 2 or not complete(wiring):
+        return strongest(outcome)
+    longest, constant = [bounds[2] for bounds in channels.values()], all(bounds[3] for bounds in channels.values())
+    compensated = all(side.compensated for side in pair)
+    if compensated and delay_sum(coupling(pair), *longest).holds:
+        return Evidence.ANY_MASS
+    loop = linearise(wiring.scenario, desk.system)
+    family = loop.family()
+    if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
+        return Evidence.KNOWN_MASS
+    if constant and rate is None:
+        rate = abscissa(loop.system())
+    return strongest(outcome, abscissa=rate, constant=constant)

@@ -1,7 +1,7 @@
 """Cuts the excerpts in this folder out of the shared measured data: python tests/data/excerpts.py SHARED_DATA_FOLDER.
 
-Signals are thinned by averaging neighbouring rows (cable tool: 10 rows, 50 Hz left) or by keeping every other row (TX40: the
-source is low-passed at 40 Hz and comes at 250 Hz). Nothing else is changed; every file names its source and licence.
+Cable tool: means of ten rows, 50 Hz left. Pendulum gravity_comp: every tenth row. TX40: five digits. Nothing else is changed; the
+licence beside each file names its source.
 """
 
 import csv
@@ -14,8 +14,7 @@ CABLE = ("Tool_4_Maryland_L_2_20", "Tool_4_Maryland_L_2_23", "Tool_4_Maryland_L_
 
 
 def main(shared: Path) -> None:
-    for joint, columns in ((5, 14), (6, 7)):
-        wrist(shared / f"residual_ready/staubli_tx40_j{joint}.csv", columns)
+    wrist(shared / "residual_ready/staubli_tx40_j6.csv", 7)
     for name in CABLE:
         cable(shared / f"mis_tool_cable/{name}.csv")
     for name, every in (("gravity_comp", 10), ("ddp", 1)):
@@ -23,10 +22,14 @@ def main(shared: Path) -> None:
 
 
 def wrist(source: Path, regressors: int) -> None:
-    """Every other row of a ready TX40 file."""
+    """A ready TX40 file to five digits, without the given rigid torque."""
     rows = table(source)
     names = [*TX40, *(f"y{k}" for k in range(regressors))]
-    write(HERE / "staubli_tx40" / source.name, names, [[row[name] for name in names] for row in rows[::2]])
+    write(HERE / "staubli_tx40" / source.name, names, [[_short(row[name]) for name in names] for row in rows])
+
+
+def _short(text: str) -> str:
+    return text if text[:1].isalpha() else f"{float(text):.5g}"
 
 
 def cable(source: Path) -> None:

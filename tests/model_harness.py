@@ -112,7 +112,7 @@ class CompiledModel:
         state_at = [i for e in states for i in self._indices(e["name"])]
         rate_at = [i for e in states for i in self._indices(e["derivative"])]
         choices = [f"{e['name']}_{item} = {i + 1}" for e in table for i, item in enumerate(e.get("items", []))]
-        source = GLUE.format(
+        self.source = source = GLUE.format(
             enumerations=f"enum {{ {', '.join(choices).upper()} }};" if choices else "", fields="\n".join(fields), model=model, states=len(state_at), state_at="".join(f"{i}, " for i in state_at),
             rate_at="".join(f"{i}, " for i in rate_at), internal="(int)m->internal_steps" if "internal_steps" in self._places else "1",
             derive="derivatives(m, t);" if states else "(void)m; (void)t;")

@@ -21,7 +21,7 @@ Progress = Callable[[str], None]
 
 @frozen
 class Job:
-    """What to build: a table (with its start values), FMI version, platforms, files that stand in for those of the model's folder."""
+    """What to build: a table (with its start values), FMI version, platforms; `extra` stands in for files of the model."""
 
     table: Table
     fmi: int
@@ -42,8 +42,13 @@ class Job:
         return {name: data for name, data in self.extra.items() if name != "README.md"}
 
 
-def fmu_path(model: str, fmi: int = 3, platforms: Sequence[str] | None = None, progress: Progress | None = None,
-             start: Mapping[str, float | list[float]] | None = None) -> Path:
+def fmu_path(
+    model: str,
+    fmi: int = 3,
+    platforms: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    start: Mapping[str, float | list[float]] | None = None,
+) -> Path:
     """The FMU of a model, from the cache or built now; `start`: other start values, compiled in and in the XML.
 
     Raises BuildError for an unknown model, platform or variable, and where it cannot be built.
@@ -61,7 +66,9 @@ def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
     chosen = tuple(platforms) if platforms else (this_platform(),)
     unknown = [p for p in chosen if p not in PLATFORMS]
     if unknown:
-        raise BuildError(f"no platform {p!r}{suggestion(p, PLATFORMS)}; there are {', '.join(PLATFORMS)}" for p in unknown)
+        raise BuildError(
+            f"no platform {p!r}{suggestion(p, PLATFORMS)}; there are {', '.join(PLATFORMS)}" for p in unknown
+        )
     return tuple(p for p in PLATFORMS if p in chosen)
 
 
@@ -114,8 +121,17 @@ def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
     flags = [" ".join(compiler.flags(PLATFORMS[p])) for p in job.platforms]
     readme = job.readme
     parts = [x for name in sorted(sources) for x in (name, sources[name])]
-    return key_of(str(job.fmi), str(job.level), compiler.identity, *flags, builder_code(), readme, licence(),
-                  repr(job.table), *parts)[:24]
+    return key_of(
+        str(job.fmi),
+        str(job.level),
+        compiler.identity,
+        *flags,
+        builder_code(),
+        readme,
+        licence(),
+        repr(job.table),
+        *parts,
+    )[:24]
 
 
 def _libraries(job: Job, sources: dict[str, bytes], compiler: Compiler, folder: Path) -> dict[str, bytes]:
@@ -123,8 +139,9 @@ def _libraries(job: Job, sources: dict[str, bytes], compiler: Compiler, folder: 
     with workspace() as work:
         for name, data in sources.items():
             store(work / name, data)
-        return dict(_library(job, name, work, compiler, folder) for name in job.platforms
-                    if PLATFORMS[name].folder(job.fmi))
+        return dict(
+            _library(job, name, work, compiler, folder) for name in job.platforms if PLATFORMS[name].folder(job.fmi)
+        )
 
 
 def _library(job: Job, name: str, work: Path, compiler: Compiler, folder: Path) -> tuple[str, bytes]:

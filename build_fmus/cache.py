@@ -69,6 +69,16 @@ def builder_code() -> bytes:
     return b"".join(path.read_bytes() for path in files)
 
 
+def _rename(temporary: str, path: Path) -> None:
+    """Windows refuses to replace a file that another process reads; the one that is there has the same content."""
+    try:
+        os.replace(temporary, path)
+    except PermissionError:
+        if not (os.name == "nt" and path.is_file() and path.read_bytes() == Path(temporary).read_bytes()):
+            raise
+        Path(temporary).unlink()
+
+
 def store(path: Path, data: bytes) -> None:
     """Write a file whole: to a temporary name beside it, then renamed. Raises BuildError (disk full, not writable)."""
     try:
@@ -78,7 +88,7 @@ def store(path: Path, data: bytes) -> None:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
             os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
+            _rename(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise

@@ -17,8 +17,12 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def build_fmus(
     model: Annotated[list[str] | None, typer.Argument(help="Models to build; all where none is named.")] = None,
     fmi: Annotated[int | None, typer.Option(help="FMI version, 2 or 3; both where none is named.")] = None,
-    platform: Annotated[list[str] | None, typer.Option(help="x86_64-linux, aarch64-linux, x86_64-windows, "
-                                                       "x86_64-darwin, aarch64-darwin; this machine by default.")] = None,
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, aarch64-darwin; this machine by default."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for fmi2/MODEL.fmu and fmi3/MODEL.fmu.")] = Path("."),
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:

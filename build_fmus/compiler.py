@@ -16,8 +16,18 @@ from attrs import frozen
 from build_fmus.errors import BuildError
 
 FLAGS = (
-    "-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror",
-    "-fvisibility=hidden", "-shared", "-fPIC", "-g0",
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Werror",
+    "-fvisibility=hidden",
+    "-shared",
+    "-fPIC",
+    "-g0",
 )
 
 
@@ -34,13 +44,16 @@ class Platform:
         return self.fmi2 if fmi == 2 else self.name
 
 
-PLATFORMS = {p.name: p for p in (
-    Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
-    Platform("aarch64-linux", None, ".so", "aarch64-linux-gnu.2.17"),
-    Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
-    Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
-    Platform("aarch64-darwin", None, ".dylib", "aarch64-macos"),
-)}
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
+        Platform("aarch64-linux", None, ".so", "aarch64-linux-gnu.2.17"),
+        Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
+        Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
+        Platform("aarch64-darwin", None, ".dylib", "aarch64-macos"),
+    )
+}
 
 
 def this_platform() -> str:
@@ -72,7 +85,9 @@ def find_compiler() -> Compiler:
         return _from_environment(os.environ["CC"])
     spec = importlib.util.find_spec("ziglang")
     if spec is None or not spec.origin:
-        raise BuildError("no C compiler: the Python package ziglang is missing (pip install ziglang), and CC is not set")
+        raise BuildError(
+            "no C compiler: the Python package ziglang is missing (pip install ziglang), and CC is not set"
+        )
     zig = Path(spec.origin).with_name("zig.exe" if sys.platform == "win32" else "zig")
     if not zig.is_file():
         raise BuildError(f"no C compiler: {zig} is missing; pip install --force-reinstall ziglang, or set CC")
@@ -96,14 +111,23 @@ def _environment(cache: Path) -> dict[str, str]:
     return folders | dict(os.environ)
 
 
-def compile_library(compiler: Compiler, chosen: Platform, sources: Path, main: str, library: Path, cache: Path,
-                    extra: Sequence[str] = ()) -> None:
-    """Compile the one file `main` of the folder `sources` into a shared library. Raises BuildError with the messages."""
+def compile_library(
+    compiler: Compiler,
+    chosen: Platform,
+    sources: Path,
+    main: str,
+    library: Path,
+    cache: Path,
+    extra: Sequence[str] = (),
+) -> None:
+    """Compile the file `main` of the folder `sources` into a shared library. Raises BuildError with the messages."""
     if not compiler.cross and chosen.name != this_platform():
         raise BuildError(f"CC compiles for this machine only, not for {chosen.name}; unset CC to compile with zig")
     command = [*compiler.command, *compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)]
     try:
-        done = subprocess.run(command, cwd=sources, env=_environment(cache), capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, cwd=sources, env=_environment(cache), capture_output=True, text=True, check=False
+        )
     except OSError as error:
         raise BuildError(f"the compiler {compiler.command[0]} does not start: {error}") from error
     if done.returncode:

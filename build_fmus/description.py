@@ -76,9 +76,11 @@ def _experiment(table: Table) -> str:
 
 
 def _log_categories() -> str:
-    return element("LogCategories", {}, [
-        element("Category", {"name": name, "description": text}) for name, text in LOG_CATEGORIES.items()
-    ])
+    return element(
+        "LogCategories",
+        {},
+        [element("Category", {"name": name, "description": text}) for name, text in LOG_CATEGORIES.items()],
+    )
 
 
 def _variability(v: Variable) -> str:
@@ -111,7 +113,7 @@ def _nominal(s: Scalar) -> str | None:
 
 
 def output_dependencies(table: Table, s: Scalar) -> list[int]:
-    """Value references on which an output or derivative depends during the run: states, and inputs that feed through."""
+    """Value references on which an output depends during the run: states, and inputs that feed through."""
     states = [state.reference for state, _ in table.states]
     return sorted(set(_links(table, s, s.variable.feedthrough) + states))
 
@@ -174,9 +176,16 @@ def _document2(table: Table, token: str) -> str:
         element("ModelStructure", {}, _structure2(table)),
     ]
     head = {
-        "fmiVersion": "2.0", "modelName": table.model.name, "guid": token, "description": table.model.description,
-        "author": "The haptic-cosim authors", "copyright": COPYRIGHT, "license": LICENCE,
-        "generationTool": GENERATOR, "variableNamingConvention": "structured", "numberOfEventIndicators": 0,
+        "fmiVersion": "2.0",
+        "modelName": table.model.name,
+        "guid": token,
+        "description": table.model.description,
+        "author": "The haptic-cosim authors",
+        "copyright": COPYRIGHT,
+        "license": LICENCE,
+        "generationTool": GENERATOR,
+        "variableNamingConvention": "structured",
+        "numberOfEventIndicators": 0,
     }
     return document(element("fmiModelDescription", head, children))
 
@@ -187,9 +196,13 @@ def _sources2() -> str:
 
 def _capabilities2(table: Table) -> dict[str, object]:
     return {
-        "modelIdentifier": table.model.name, "needsExecutionTool": False,
-        "canBeInstantiatedOnlyOncePerProcess": False, "canNotUseMemoryManagementFunctions": True,
-        "canGetAndSetFMUstate": True, "canSerializeFMUstate": True, "providesDirectionalDerivative": True,
+        "modelIdentifier": table.model.name,
+        "needsExecutionTool": False,
+        "canBeInstantiatedOnlyOncePerProcess": False,
+        "canNotUseMemoryManagementFunctions": True,
+        "canGetAndSetFMUstate": True,
+        "canSerializeFMUstate": True,
+        "providesDirectionalDerivative": True,
     }
 
 
@@ -199,23 +212,33 @@ def _exchange2(table: Table) -> str:
 
 def _cosimulation2(table: Table) -> str:
     flags = {
-        "canHandleVariableCommunicationStepSize": True, "canInterpolateInputs": True,
-        "maxOutputDerivativeOrder": 0, "canRunAsynchronuously": False,
+        "canHandleVariableCommunicationStepSize": True,
+        "canInterpolateInputs": True,
+        "maxOutputDerivativeOrder": 0,
+        "canRunAsynchronuously": False,
     }
     return element("CoSimulation", _capabilities2(table) | flags, [_sources2()])
 
 
 def _types2(table: Table) -> list[str]:
     reals = [
-        element("SimpleType", {"name": quantity(unit)},
-                [element("Real", {"quantity": quantity(unit), "unit": unit,
-                                  "displayUnit": "deg" if unit == "rad" else None})])
+        element(
+            "SimpleType",
+            {"name": quantity(unit)},
+            [
+                element(
+                    "Real", {"quantity": quantity(unit), "unit": unit, "displayUnit": "deg" if unit == "rad" else None}
+                )
+            ],
+        )
         for unit in _quantity_units(table)
     ]
     enumerations = [
-        element("SimpleType", {"name": _enumeration_type(table, v), "description": v.description},
-                [element("Enumeration", {}, [element("Item", {"name": n, "value": i + 1})
-                                             for i, n in enumerate(v.items)])])
+        element(
+            "SimpleType",
+            {"name": _enumeration_type(table, v), "description": v.description},
+            [element("Enumeration", {}, [element("Item", {"name": n, "value": i + 1}) for i, n in enumerate(v.items)])],
+        )
         for v in _enumerations(table)
     ]
     return reals + enumerations
@@ -224,13 +247,22 @@ def _types2(table: Table) -> list[str]:
 def _variable2(table: Table, s: Scalar) -> str:
     v = s.variable
     head = {
-        "name": s.name, "valueReference": s.reference, "description": v.description,
-        "causality": CAUSALITY.get(v.causality, v.causality), "variability": _variability(v), "initial": _initial(v),
+        "name": s.name,
+        "valueReference": s.reference,
+        "description": v.description,
+        "causality": CAUSALITY.get(v.causality, v.causality),
+        "variability": _variability(v),
+        "initial": _initial(v),
     }
     state = table.differentiated.get(s.reference)
     body = {
-        "declaredType": _declared(table, v), "unit": v.unit or None, "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
-        "start": _value(s, 2), "derivative": state.reference + 1 if state else None,
+        "declaredType": _declared(table, v),
+        "unit": v.unit or None,
+        "min": _bound(v, v.min),
+        "max": _bound(v, v.max),
+        "nominal": _nominal(s),
+        "start": _value(s, 2),
+        "derivative": state.reference + 1 if state else None,
     }
     return element("ScalarVariable", head, [element(v.type, body)])
 
@@ -264,26 +296,40 @@ def _document3(table: Table, token: str) -> str:
         element("TypeDefinitions", {}, _types3(table)),
         _log_categories(),
         _experiment(table),
-        element("ModelVariables", {}, [
-            *(_variable3(table, s) for s in table.scalars),
-            _time3(count),
-            *(_slope3(s, count + 1 + i) for i, s in enumerate(table.slopes)),
-        ]),
+        element(
+            "ModelVariables",
+            {},
+            [
+                *(_variable3(table, s) for s in table.scalars),
+                _time3(count),
+                *(_slope3(s, count + 1 + i) for i, s in enumerate(table.slopes)),
+            ],
+        ),
         element("ModelStructure", {}, _structure3(table)),
     ]
     head = {
-        "fmiVersion": "3.0", "modelName": table.model.name, "instantiationToken": token,
-        "description": table.model.description, "author": "The haptic-cosim authors", "copyright": COPYRIGHT,
-        "license": LICENCE, "generationTool": GENERATOR, "variableNamingConvention": "structured",
+        "fmiVersion": "3.0",
+        "modelName": table.model.name,
+        "instantiationToken": token,
+        "description": table.model.description,
+        "author": "The haptic-cosim authors",
+        "copyright": COPYRIGHT,
+        "license": LICENCE,
+        "generationTool": GENERATOR,
+        "variableNamingConvention": "structured",
     }
     return document(element("fmiModelDescription", head, children))
 
 
 def _capabilities3(table: Table) -> dict[str, object]:
     return {
-        "modelIdentifier": table.model.name, "needsExecutionTool": False,
-        "canBeInstantiatedOnlyOncePerProcess": False, "canGetAndSetFMUState": True, "canSerializeFMUState": True,
-        "providesDirectionalDerivatives": True, "providesAdjointDerivatives": True,
+        "modelIdentifier": table.model.name,
+        "needsExecutionTool": False,
+        "canBeInstantiatedOnlyOncePerProcess": False,
+        "canGetAndSetFMUState": True,
+        "canSerializeFMUState": True,
+        "providesDirectionalDerivatives": True,
+        "providesAdjointDerivatives": True,
         "providesPerElementDependencies": False,
     }
 
@@ -295,22 +341,36 @@ def _exchange3(table: Table) -> str:
 
 def _cosimulation3(table: Table) -> str:
     flags = {
-        "canHandleVariableCommunicationStepSize": True, "maxOutputDerivativeOrder": 0,
-        "providesIntermediateUpdate": False, "mightReturnEarlyFromDoStep": False,
-        "canReturnEarlyAfterIntermediateUpdate": False, "hasEventMode": False, "providesEvaluateDiscreteStates": False,
+        "canHandleVariableCommunicationStepSize": True,
+        "maxOutputDerivativeOrder": 0,
+        "providesIntermediateUpdate": False,
+        "mightReturnEarlyFromDoStep": False,
+        "canReturnEarlyAfterIntermediateUpdate": False,
+        "hasEventMode": False,
+        "providesEvaluateDiscreteStates": False,
     }
     return element("CoSimulation", _capabilities3(table) | flags)
 
 
 def _types3(table: Table) -> list[str]:
     reals = [
-        element("Float64Type", {"name": quantity(unit), "quantity": quantity(unit), "unit": unit,
-                                "displayUnit": "deg" if unit == "rad" else None})
+        element(
+            "Float64Type",
+            {
+                "name": quantity(unit),
+                "quantity": quantity(unit),
+                "unit": unit,
+                "displayUnit": "deg" if unit == "rad" else None,
+            },
+        )
         for unit in _quantity_units(table)
     ]
     enumerations = [
-        element("EnumerationType", {"name": _enumeration_type(table, v), "description": v.description},
-                [element("Item", {"name": n, "value": i + 1}) for i, n in enumerate(v.items)])
+        element(
+            "EnumerationType",
+            {"name": _enumeration_type(table, v), "description": v.description},
+            [element("Item", {"name": n, "value": i + 1}) for i, n in enumerate(v.items)],
+        )
         for v in _enumerations(table)
     ]
     return reals + enumerations
@@ -322,28 +382,54 @@ TAGS3 = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumerati
 def _variable3(table: Table, s: Scalar) -> str:
     v = s.variable
     state = table.differentiated.get(s.reference)
-    return element(TAGS3[v.type], {
-        "name": s.name, "valueReference": s.reference, "description": v.description,
-        "causality": CAUSALITY.get(v.causality, v.causality), "variability": _variability(v), "initial": _initial(v),
-        "declaredType": _declared(table, v), "unit": v.unit or None, "min": _bound(v, v.min), "max": _bound(v, v.max), "nominal": _nominal(s),
-        "start": _value(s, 3), "derivative": state.reference if state else None,
-    })
+    return element(
+        TAGS3[v.type],
+        {
+            "name": s.name,
+            "valueReference": s.reference,
+            "description": v.description,
+            "causality": CAUSALITY.get(v.causality, v.causality),
+            "variability": _variability(v),
+            "initial": _initial(v),
+            "declaredType": _declared(table, v),
+            "unit": v.unit or None,
+            "min": _bound(v, v.min),
+            "max": _bound(v, v.max),
+            "nominal": _nominal(s),
+            "start": _value(s, 3),
+            "derivative": state.reference if state else None,
+        },
+    )
 
 
 def _time3(reference: int) -> str:
-    return element("Float64", {
-        "name": "time", "valueReference": reference, "description": "simulation time", "causality": "independent",
-        "variability": "continuous", "unit": "s",
-    })
+    return element(
+        "Float64",
+        {
+            "name": "time",
+            "valueReference": reference,
+            "description": "simulation time",
+            "causality": "independent",
+            "variability": "continuous",
+            "unit": "s",
+        },
+    )
 
 
 def _slope3(s: Scalar, reference: int) -> str:
     """The slope of an input within a communication step; FMI 2 has fmi2SetRealInputDerivatives for it."""
-    return element("Float64", {
-        "name": f"der({s.name})", "valueReference": reference, "causality": "input", "variability": "continuous",
-        "description": f"slope of {s.name} within a communication step (0: held)", "start": "0.0",
-        "unit": per_second(s.variable.unit),
-    })
+    return element(
+        "Float64",
+        {
+            "name": f"der({s.name})",
+            "valueReference": reference,
+            "causality": "input",
+            "variability": "continuous",
+            "description": f"slope of {s.name} within a communication step (0: held)",
+            "start": "0.0",
+            "unit": per_second(s.variable.unit),
+        },
+    )
 
 
 def _structure3(table: Table) -> list[str]:

@@ -15,14 +15,16 @@ STYLE = (
 
 def index_html(table: Table, readme: str) -> str:
     """One HTML page without references to other files."""
-    return "\n".join([
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">',
-        f"<title>{escape(table.model.name)}</title><style>{STYLE}</style></head><body>",
-        markdown(readme),
-        "<h2>Variables</h2>",
-        _variables(table),
-        "</body></html>\n",
-    ])
+    return "\n".join(
+        [
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">',
+            f"<title>{escape(table.model.name)}</title><style>{STYLE}</style></head><body>",
+            markdown(readme),
+            "<h2>Variables</h2>",
+            _variables(table),
+            "</body></html>\n",
+        ]
+    )
 
 
 def _variables(table: Table) -> str:
@@ -82,14 +84,16 @@ def _block(block: str) -> str:
     heading = re.match(r"(#+) +(.*)(?:\n(.*))?", block, flags=re.S)
     if heading:
         level = min(len(heading[1]), 6)
-        title, _, rest = block[len(heading[1]):].strip().partition("\n")
+        title, _, rest = block[len(heading[1]) :].strip().partition("\n")
         return f"<h{level}>{_inline(title)}</h{level}>" + (_block(rest) if rest.strip() else "")
     lines = block.split("\n")
     if lines[0].lstrip().startswith(("- ", "* ")):
         return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in _items(lines)) + "</ul>"
     if lines[0].startswith("|") and len(lines) > 1:
         cells = [[c.strip() for c in line.strip().strip("|").split("|")] for line in lines]
-        return "<table>" + "".join(_html_row(c, "td" if i else "th") for i, c in enumerate(cells) if i != 1) + "</table>"
+        return (
+            "<table>" + "".join(_html_row(c, "td" if i else "th") for i, c in enumerate(cells) if i != 1) + "</table>"
+        )
     return f"<p>{_inline(' '.join(lines))}</p>"
 
 

@@ -48,9 +48,11 @@ def _enumerations(table: Table) -> list[str]:
 def _struct(table: Table) -> str:
     lines = [_member(v.name, v.size, f"{v.unit or v.type}: {v.description}") for v in table.variable]
     lines += [_member(p.name, p.size, p.description) for p in table.private]
-    lines += [_member("origin", None, "s: start time, for start()"),
-              _member("step", None, "s: the communication step that ends, for sample()"),
-              _member("text", 32, "room for the message of a refusal")]
+    lines += [
+        _member("origin", None, "s: start time, for start()"),
+        _member("step", None, "s: the communication step that ends, for sample()"),
+        _member("text", 32, "room for the message of a refusal"),
+    ]
     return "typedef struct {\n" + "\n".join(lines) + "\n} Model;"
 
 

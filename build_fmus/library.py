@@ -1,4 +1,4 @@
-"""Shared libraries of fmu_src that are no FMUs (the compiled master loop, the batch kernel), compiled once per content."""
+"""Shared libraries of fmu_src that are no FMUs (compiled master loop, batch kernel), compiled once per content."""
 
 from collections.abc import Sequence
 from pathlib import Path

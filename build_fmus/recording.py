@@ -11,9 +11,16 @@ from build_fmus.errors import BuildError
 from build_fmus.sources import source_root
 from build_fmus.table import FMI_NAME, Table, Variable, load_table, override
 
-def recording_fmu(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str],
-                  interpolation: str = "linear", fmi: int = 3, platforms: Sequence[str] | None = None,
-                  progress: Progress | None = None) -> Path:
+
+def recording_fmu(
+    time: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    interpolation: str = "linear",
+    fmi: int = 3,
+    platforms: Sequence[str] | None = None,
+    progress: Progress | None = None,
+) -> Path:
     """A Recording FMU whose outputs are the columns (n,) over time (n,), s; cached by content.
 
     `interpolation` is "linear" or "hold". Raises BuildError for columns of other lengths, values that are no finite
@@ -71,8 +78,10 @@ def _header(time: np.ndarray, data: Mapping[str, np.ndarray]) -> bytes:
     )
     times = _words(np.zeros(1) if even else time)
     values = _words(np.concatenate(list(data.values())))
-    return (lines.encode() + b"static const uint64_t times[] = {\n" + times + b"};\n"
-            b"static const uint64_t data[] = {\n" + values + b"};\n")
+    return (
+        lines.encode() + b"static const uint64_t times[] = {\n" + times + b"};\n"
+        b"static const uint64_t data[] = {\n" + values + b"};\n"
+    )
 
 
 def _round_step(step: float) -> float:

@@ -25,10 +25,10 @@ def models() -> list[str]:
 
 
 def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
-    """{file name: contents} of what a model compiles from: fmi2.c or fmi3.c and all that it includes, in one flat folder.
+    """{file name: contents} of what a model compiles from: fmi2.c or fmi3.c and all its includes, in one flat folder.
 
-    `extra` stands in for files of the model's folder. The generated table is left out. Raises BuildError for an include that is not found
-    or two files of one name.
+    `extra` stands in for files of the model's folder. The generated table is left out. Raises BuildError for an
+    include that is not found or two files of one name.
     """
     root = source_root()
     folders = [root / model, root / "shared", _headers()]

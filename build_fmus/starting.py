@@ -16,8 +16,8 @@ from build_fmus.table import Table, load_table, override
 def start_values(fmu: Path, values: Mapping[str, float | list[float]], out: Path) -> Path:
     """Write to `out` the FMU with other start values: by scalar ("coulomb[2]") or row ("coulomb": list or one number).
 
-    An importer that relies on the defaults does not set them, so they are compiled in: the FMU must be one of ours, from the same
-    sources as the present ones. What it had of its own start values before stays. Raises BuildError.
+    An importer that relies on the defaults does not set them, so they are compiled in: the FMU must be one of ours, from
+    the same sources as the present ones. What it had of its own start values before stays. Raises BuildError.
     """
     description, platforms = _read(Path(fmu))
     version = 2 if description.get("fmiVersion", "").startswith("2") else 3
@@ -27,7 +27,9 @@ def start_values(fmu: Path, values: Mapping[str, float | list[float]], out: Path
     table = load_table(source_root() / name / "model.toml")
     present = override(table, _present_values(description, version, table))
     if header_token(Job(present, version, ())) != description.get("guid", description.get("instantiationToken")):
-        raise BuildError(f"{fmu} was built from other sources than the present ones; build it again with build-fmus {name}")
+        raise BuildError(
+            f"{fmu} was built from other sources than the present ones; build it again with build-fmus {name}"
+        )
     job = Job(override(present, dict(values)), version, check_platforms(platforms))
     store(Path(out), build(job).read_bytes())
     return Path(out)

@@ -10,10 +10,19 @@ from build_fmus.table import Table, Variable
 def terminals(table: Table) -> str:
     """One terminal for each input or output array: its scalars belong together."""
     rows = [v for v in table.variable if v.causality in ("input", "output") and v.width > 1]
-    children = [element("GraphicalRepresentation", {}, [
-        element("CoordinateSystem", {"x1": -100, "y1": -100, "x2": 100, "y2": 100, "suggestedScalingFactorTo_mm": 0.1}),
-        element("Icon", {"x1": -100, "y1": -100, "x2": 100, "y2": 100}),
-    ])]
+    children = [
+        element(
+            "GraphicalRepresentation",
+            {},
+            [
+                element(
+                    "CoordinateSystem",
+                    {"x1": -100, "y1": -100, "x2": 100, "y2": 100, "suggestedScalingFactorTo_mm": 0.1},
+                ),
+                element("Icon", {"x1": -100, "y1": -100, "x2": 100, "y2": 100}),
+            ],
+        )
+    ]
     if rows:
         children.append(element("Terminals", {}, [_terminal(v) for v in rows]))
     return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, children))
@@ -29,9 +38,14 @@ def _terminal(v: Variable) -> str:
 
 def build_description(model: str) -> str:
     """How an importer compiles the sources: one file."""
-    files = element("SourceFileSet", {"language": "C99"}, [
-        element("SourceFile", {"name": "fmi3.c"}), element("IncludeDirectory", {"name": "."}),
-    ])
+    files = element(
+        "SourceFileSet",
+        {"language": "C99"},
+        [
+            element("SourceFile", {"name": "fmi3.c"}),
+            element("IncludeDirectory", {"name": "."}),
+        ],
+    )
     configuration = element("BuildConfiguration", {"modelIdentifier": model}, [files])
     return document(element("fmiBuildDescription", {"fmiVersion": "3.0"}, [configuration]))
 

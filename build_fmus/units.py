@@ -18,10 +18,24 @@ ATOMS: dict[str, tuple[float, tuple[int, ...]]] = {
 }
 
 QUANTITIES = {
-    "1": "Ratio", "rad": "Angle", "rad/s": "AngularVelocity", "rad/s2": "AngularAcceleration", "m": "Length",
-    "m/s": "Velocity", "m/s2": "Acceleration", "N": "Force", "N.m": "Torque", "kg": "Mass", "s": "Time",
-    "Hz": "Frequency", "N/m": "Stiffness", "N.s/m": "Damping", "N.m/rad": "AngularStiffness",
-    "N.m.s/rad": "AngularDamping", "kg.m2": "MomentOfInertia", "1/s": "Rate",
+    "1": "Ratio",
+    "rad": "Angle",
+    "rad/s": "AngularVelocity",
+    "rad/s2": "AngularAcceleration",
+    "m": "Length",
+    "m/s": "Velocity",
+    "m/s2": "Acceleration",
+    "N": "Force",
+    "N.m": "Torque",
+    "kg": "Mass",
+    "s": "Time",
+    "Hz": "Frequency",
+    "N/m": "Stiffness",
+    "N.s/m": "Damping",
+    "N.m/rad": "AngularStiffness",
+    "N.m.s/rad": "AngularDamping",
+    "kg.m2": "MomentOfInertia",
+    "1/s": "Rate",
 }
 
 

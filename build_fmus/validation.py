@@ -1,4 +1,4 @@
-"""Is an FMU valid? fmpy's validation, the XML schemas, and what no validator checks: start values within their range."""
+"""Is an FMU valid? fmpy's validation, the XML schemas, and what no validator checks: start values in their range."""
 
 import math
 import zipfile
@@ -31,7 +31,9 @@ def problems_of(fmu: Path) -> list[str]:
         for name in set(archive.namelist()) & set(SCHEMAS):
             problems += _against_schema(name, archive.read(name))
         problems += [f"two files named {name}" for name in _twice(archive.namelist())]
-        problems += [f"the path {i.orig_filename} contains a backslash" for i in archive.infolist() if "\\" in i.orig_filename]
+        problems += [
+            f"the path {i.orig_filename} contains a backslash" for i in archive.infolist() if "\\" in i.orig_filename
+        ]
     return problems
 
 

@@ -4,16 +4,21 @@ import ctypes
 import tempfile
 from pathlib import Path
 
-from build_fmus.build import Job, build
-from build_fmus.compiler import this_platform
-from build_fmus.table import Experiment, Head, Private, Table, Variable
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Slave
 
+from build_fmus.build import Job, build
+from build_fmus.compiler import this_platform
+from build_fmus.table import Experiment, Head, Private, Table, Variable
+
 MODEL = b"""
 /* x' = rate x + u, and an output that takes u at once; private memory counts the samples */
-static void derivatives(Model *m, double t) { (void)t; m->dx[0] = m->rate * m->x[0] + m->u[0]; m->dx[1] = m->u[1] * m->u[1]; }
+static void derivatives(Model *m, double t) {
+    (void)t;
+    m->dx[0] = m->rate * m->x[0] + m->u[0];
+    m->dx[1] = m->u[1] * m->u[1];
+}
 static const char *start(Model *m) {
     m->x[0] = m->x_start[0];
     m->x[1] = m->x_start[1];
@@ -44,8 +49,9 @@ def probe_table() -> Table:
         Variable("law", "parameter", "a choice", type="Enumeration", items=["one", "two"], start=1.0),
         Variable("internal_steps", "parameter", "Runge-Kutta steps", type="Integer", start=2.0, min=1.0, max=100.0),
     ]
-    return Table(Head("Probe", "a probe", "continuous"), Experiment(1.0, 0.01), rows,
-                 [Private("count"), Private("spent")])
+    return Table(
+        Head("Probe", "a probe", "continuous"), Experiment(1.0, 0.01), rows, [Private("count"), Private("spent")]
+    )
 
 
 def probe(fmi: int, model: bytes = MODEL) -> Path:
@@ -56,16 +62,26 @@ def probe(fmi: int, model: bytes = MODEL) -> Path:
 class Importer:
     """One instance of an FMU: variables by name, FMI 2 and FMI 3 alike. Keeps the messages of the FMU."""
 
-    def __init__(self, path: Path, start: dict[str, float] | None = None, initialize: bool = True, time: float = 0.0,
-                 unzipped: str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        start: dict[str, float] | None = None,
+        initialize: bool = True,
+        time: float = 0.0,
+        unzipped: str | None = None,
+    ) -> None:
         self.description = read_model_description(str(path))
         self.two = self.description.fmiVersion == "2.0"
         self.folder = unzipped or extract(str(path), tempfile.mkdtemp(prefix="probe-"))
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.messages: list[str] = []
         kind = FMU2Slave if self.two else FMU3Slave
-        self.fmu = kind(guid=self.description.guid, unzipDirectory=self.folder, instanceName="probe",
-                        modelIdentifier=self.description.coSimulation.modelIdentifier)
+        self.fmu = kind(
+            guid=self.description.guid,
+            unzipDirectory=self.folder,
+            instanceName="probe",
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+        )
         self._instantiate()
         self.time = time
         for name, value in (start or {}).items():
@@ -75,15 +91,19 @@ class Importer:
 
     def _instantiate(self) -> None:
         if self.two:
+
             def log(environment, name, status, category, message):
                 self.messages.append(message.decode())
+
             self._logger = fmi2CallbackLoggerTYPE(log)
             callbacks = fmi2CallbackFunctions()
             callbacks.logger = self._logger
             self.fmu.instantiate(callbacks=callbacks)
         else:
+
             def log3(environment, status, category, message):
                 self.messages.append(message.decode())
+
             self.fmu.instantiate(logMessage=log3)
 
     def initialize(self) -> None:
@@ -99,15 +119,25 @@ class Importer:
 
     def set(self, name: str, value: float) -> None:
         kind = self.variables[name].type
-        calls = {"Real": "setReal", "Integer": "setInteger", "Boolean": "setBoolean", "Float64": "setFloat64",
-                 "Int32": "setInt32"}
+        calls = {
+            "Real": "setReal",
+            "Integer": "setInteger",
+            "Boolean": "setBoolean",
+            "Float64": "setFloat64",
+            "Int32": "setInt32",
+        }
         calls["Enumeration"] = "setInteger" if self.two else "setInt64"
         getattr(self.fmu, calls[kind])([self.reference(name)], [value])
 
     def get(self, name: str) -> float:
         kind = self.variables[name].type
-        calls = {"Real": "getReal", "Integer": "getInteger", "Boolean": "getBoolean", "Float64": "getFloat64",
-                 "Int32": "getInt32"}
+        calls = {
+            "Real": "getReal",
+            "Integer": "getInteger",
+            "Boolean": "getBoolean",
+            "Float64": "getFloat64",
+            "Int32": "getInt32",
+        }
         calls["Enumeration"] = "getInteger" if self.two else "getInt64"
         return getattr(self.fmu, calls[kind])([self.reference(name)])[0]
 

@@ -10,9 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from fmpy import read_model_description
+
 from build_fmus import fmu_path
 from build_fmus.compiler import PLATFORMS, find_compiler, this_platform
-from fmpy import read_model_description
 
 pytestmark = pytest.mark.slow
 HEADERS = Path(find_spec("fmpy").origin).parent / "c-code"
@@ -20,8 +21,16 @@ ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 
 # a life with friction, hysteresis, encoders, an elastic joint, random delays: everything that computes
 STARTS = {
-    "PhantomArm": {"coulomb": 0.01, "viscous": 1e-3, "stribeck": 0.01, "hysteresis": 0.005, "q_start": [0.1, 0.3, 0.4],
-                   "ripple_sin": 0.002, "gravity_compensation": 1, "encoder_resolution": 1e-4},
+    "PhantomArm": {
+        "coulomb": 0.01,
+        "viscous": 1e-3,
+        "stribeck": 0.01,
+        "hysteresis": 0.005,
+        "q_start": [0.1, 0.3, 0.4],
+        "ripple_sin": 0.002,
+        "gravity_compensation": 1,
+        "encoder_resolution": 1e-4,
+    },
     "VariableDelayChannel": {"law": "random_walk", "delay_min": 0.0, "delay_max": 0.05},
     "AxisDrive": {"coulomb": 0.01, "stribeck": 0.01, "hysteresis": 0.005},
     "Operator": {"amplitude": 0.3, "frequency": 3.0, "hand_mass": 1.0, "grip_stiffness": 100.0, "hand_stiffness": 10.0},
@@ -32,8 +41,18 @@ STARTS = {
 def driver(platform: str, folder: Path) -> Path:
     compiler, chosen = find_compiler(), PLATFORMS[platform]
     program = folder / f"play-{platform}{'.exe' if 'windows' in platform else ''}"
-    command = [*compiler.command, "-target", chosen.target, "-std=c99", "-O1", f"-I{HEADERS}", str(Path(__file__).with_name("play.c")),
-               "-o", str(program), *(["-ldl"] if "linux" in platform else [])]
+    command = [
+        *compiler.command,
+        "-target",
+        chosen.target,
+        "-std=c99",
+        "-O1",
+        f"-I{HEADERS}",
+        str(Path(__file__).with_name("play.c")),
+        "-o",
+        str(program),
+        *(["-ldl"] if "linux" in platform else []),
+    ]
     subprocess.run(command, check=True, capture_output=True)
     return program
 
@@ -44,11 +63,30 @@ def play(model: str, platform: str, folder: Path, runner: list[str]) -> dict[str
     description = read_model_description(str(fmu))
     name = f"binaries/{platform}/{model}{PLATFORMS[platform].suffix}"
     library = Path(zipfile.ZipFile(fmu).extract(name, folder))
-    reals = {v.name: v.valueReference for v in description.modelVariables if v.type == "Float64" and v.causality != "independent"}
-    inputs = [str(v.valueReference) for v in description.modelVariables
-              if v.causality == "input" and v.type == "Float64" and not v.name.startswith("der(") and v.min is None]
-    done = subprocess.run([*runner, str(driver(platform, folder)), str(library), description.guid, "2000", ",".join(inputs) or "-",
-                           ",".join(map(str, reals.values()))], capture_output=True, text=True, timeout=280)
+    reals = {
+        v.name: v.valueReference
+        for v in description.modelVariables
+        if v.type == "Float64" and v.causality != "independent"
+    }
+    inputs = [
+        str(v.valueReference)
+        for v in description.modelVariables
+        if v.causality == "input" and v.type == "Float64" and not v.name.startswith("der(") and v.min is None
+    ]
+    done = subprocess.run(
+        [
+            *runner,
+            str(driver(platform, folder)),
+            str(library),
+            description.guid,
+            "2000",
+            ",".join(inputs) or "-",
+            ",".join(map(str, reals.values())),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=280,
+    )
     assert done.returncode == 0, done.stderr[-1000:]
     found = dict(line.split() for line in done.stdout.splitlines())
     return {name: found[str(reference)] for name, reference in reals.items()}

@@ -5,12 +5,20 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from build_fmus import models
 from build_fmus.build import Job, source_files
 from build_fmus.sources import source_root
 from build_fmus.table import load_table
 
-FLAGS = ["-std=c99", "-g", "-O1", "-ffp-contract=off", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
+FLAGS = [
+    "-std=c99",
+    "-g",
+    "-O1",
+    "-ffp-contract=off",
+    "-fsanitize=address,undefined,float-cast-overflow",
+    "-fno-sanitize-recover=all",
+]
 
 
 def compiler() -> str:

@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from build_fmus import fmu_path
 from probe import Importer
 from scipy.linalg import expm
+
+from build_fmus import fmu_path
 
 EPS = np.finfo(float).eps
 
@@ -28,10 +29,13 @@ def vectors(name: str, values) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize(("space", "reference", "position", "velocity", "output", "silent", "stiffness", "damping"), [
-    (1, "x_ref", "x", "dx", "f", "tau", "stiffness", "damping"),
-    (2, "q_ref", "q", "dq", "tau", "f", "joint_stiffness", "joint_damping"),
-])
+@pytest.mark.parametrize(
+    ("space", "reference", "position", "velocity", "output", "silent", "stiffness", "damping"),
+    [
+        (1, "x_ref", "x", "dx", "f", "tau", "stiffness", "damping"),
+        (2, "q_ref", "q", "dq", "tau", "f", "joint_stiffness", "joint_damping"),
+    ],
+)
 def test_p_like_law(version, space, reference, position, velocity, output, silent, stiffness, damping):
     """K (ref - x) - B dx in the chosen space, nothing in the other."""
     rng = np.random.default_rng(2)
@@ -73,10 +77,17 @@ def test_a_recorded_force_passes():
 
 
 def test_the_hand_is_a_mass_between_two_springs():
-    """Tip held at 0.02 m, reference at 0.05 m: x_h'' = (k (ref - x_h) - b x_h' - kg (x_h - x) - bg x_h') / m by its matrix exponential."""
+    """Tip held, reference apart: m x_h'' = k (ref - x_h) - b x_h' - kg (x_h - x) - bg x_h' by its matrix exponential."""
     m, k, b, kg, bg, tip, reference = 1.2, 40.0, 3.0, 200.0, 1.0, 0.02, 0.05
-    start = {"hand_mass": m, "grip_stiffness": kg, "grip_damping": bg, "hand_stiffness[1]": k, "hand_damping[1]": b,
-             "reference[1]": reference, "internal_steps": 4}
+    start = {
+        "hand_mass": m,
+        "grip_stiffness": kg,
+        "grip_damping": bg,
+        "hand_stiffness[1]": k,
+        "hand_damping[1]": b,
+        "reference[1]": reference,
+        "internal_steps": 4,
+    }
     fmu = Importer(fmu_path("Operator"), start, initialize=False)
     fmu.set("x[1]", tip)
     fmu.initialize()
@@ -103,7 +114,13 @@ def test_no_hand_no_grip():
 def test_the_hand_follows_its_reference():
     """A soft tip far away matters not: the forced response k / (k - m w^2 + i b w), after the transient has gone."""
     m, k, b, turns = 0.5, 100.0, 20.0, 0.5
-    start = {"hand_mass": m, "hand_stiffness[2]": k, "hand_damping[2]": b, "reference_amplitude[2]": 0.1, "reference_frequency": turns}
+    start = {
+        "hand_mass": m,
+        "hand_stiffness[2]": k,
+        "hand_damping[2]": b,
+        "reference_amplitude[2]": 0.1,
+        "reference_frequency": turns,
+    }
     fmu = Importer(fmu_path("Operator"), start)
     w = 2 * np.pi * turns
     response = k / (k - m * w**2 + 1j * b * w)
@@ -156,7 +173,14 @@ def test_sampled_pd(version, n, delay):
     rng = np.random.default_rng(4)
     q_ref, q = np.cumsum(rng.normal(scale=1e-3, size=(2, 60)), axis=1)
     step, kp, kd, limit, scale = 1e-3, 30.0, 0.05, 0.2, 0.4
-    start = {"kp[2]": kp, "kd[2]": kd, "torque_limit[2]": limit, "command_scale[2]": scale, "difference_samples": n, "delay_samples": delay}
+    start = {
+        "kp[2]": kp,
+        "kd[2]": kd,
+        "torque_limit[2]": limit,
+        "command_scale[2]": scale,
+        "difference_samples": n,
+        "delay_samples": delay,
+    }
     fmu = Importer(fmu_path("PDController", version), start, initialize=False)
     fmu.set("q_ref[2]", q_ref[0])
     fmu.set("q[2]", q[0])
@@ -179,7 +203,7 @@ def test_sampled_pd(version, n, delay):
 
 
 def test_the_controller_of_emps_gives_the_recorded_voltage(shared_data):
-    """u = kv (kp (q_ref - q) - dq) limited to 10 V, fed with the recorded q: the recorded u, to the rounding of the file."""
+    """u = kv (kp (q_ref - q) - dq) limited to 10 V, fed with the recorded q: the recorded u, to the file's rounding."""
     folder = shared_data / "emps"
     law = json.loads((folder / "dataset.json").read_text())["controller"]
     data = np.genfromtxt(folder / "emps_train.csv", delimiter=",", names=True)[4000:8000]
@@ -210,7 +234,8 @@ def test_sums_of_sinusoids_and_their_derivatives(ramp):
     frequency = rng.uniform(0.5, 12.0, size=30)
     start = {"ramp": ramp, "centre[2]": 0.3} | {
         f"{name}[{k + 1}]": float(values[k])
-        for name, values in (("amplitude", amplitude), ("frequency", frequency), ("phase", phase)) for k in range(30)
+        for name, values in (("amplitude", amplitude), ("frequency", frequency), ("phase", phase))
+        for k in range(30)
     }
     fmu = Importer(fmu_path("Excitation"), start)
     times, got = np.arange(1, 4001) * 1e-3, []

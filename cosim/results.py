@@ -8,6 +8,7 @@ import json
 import platform
 import shlex
 import sys
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -136,3 +137,39 @@ def export_mat(result: Result, path: Path | str) -> Path:
     content = {"time": result.time[:, None], "signals": signals, "units": units, "outcome": result.outcome.value}
     savemat(path, content | {"scenario": to_toml(result.scenario)}, long_field_names=True, do_compression=True)
     return Path(path)
+
+
+def write_table(columns: Mapping[str, object], units: Mapping[str, str], attributes: Mapping[str, str], path: Path | str) -> Path:
+    """Write a table as HDF5: one dataset (n,) a column, numbers or text, in `/columns`; attribute `unit` where there is one.
+
+    The same columns give the same bytes: nothing of the moment is written. The file is complete or not there.
+    """
+    import h5py
+
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(partial, "w", track_order=True) as file:
+            file.attrs.update({"format": FORMAT, **attributes})
+            group = file.create_group("columns", track_order=True)
+            for name, values in columns.items():
+                text = any(isinstance(value, str) for value in values)
+                data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
+                if name in units:
+                    data.attrs["unit"] = units[name]
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def read_table(path: Path | str) -> dict[str, list]:
+    """The columns of `write_table`, text as str. Raises InputError where the file is none."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return {name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]] for name, data in file["columns"].items()}
+    except (OSError, KeyError) as error:
+        raise InputError(Problem(str(path), "a table of cosim", str(error))) from None

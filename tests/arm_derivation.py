@@ -50,6 +50,12 @@ def rate(expression):
     )
 
 
+def tidy(expression):
+    """Expand, and write sin^2 as 1 - cos^2."""
+    squares = {sp.sin(q) ** 2: 1 - sp.cos(q) ** 2 for q in Q}
+    return sp.expand(sp.expand(expression).subs(squares))
+
+
 def position(along_upper, along_fore):
     """A point in the base frame (origin at the shoulder), so far along the upper arm and the forearm."""
     radial = along_upper * sp.cos(q2) + along_fore * sp.sin(q3)
@@ -60,7 +66,7 @@ def position(along_upper, along_fore):
 def spin_energy(name, angle):
     """Rotational energy of a body that yaws with q1 and pitches with `angle`; omega from R^T dR/dt."""
     rotation = yaw(q1) * pitch(angle)
-    skew = (rotation.T * rate(rotation)).applyfunc(sp.simplify)
+    skew = (rotation.T * rate(rotation)).applyfunc(tidy)
     omega = (skew[2, 1], skew[0, 2], skew[1, 0])
     return sum(i * w**2 for i, w in zip(INERTIA[name], omega, strict=True)) / 2
 
@@ -68,7 +74,7 @@ def spin_energy(name, angle):
 def travel_energy(mass, centre):
     """Kinetic energy of a mass at a point."""
     velocity = rate(centre)
-    return mass * sp.simplify(velocity.dot(velocity)) / 2
+    return mass * tidy(velocity.dot(velocity)) / 2
 
 
 def christoffel(mass):
@@ -114,7 +120,7 @@ def _parameters(mass, gravity):
     p3 = (yaw_at[0, 0] - yaw_at[0, half] + p4) / 2
     p1 = yaw_at[0, 0] - p2 - p3
     p7, p8 = gravity[1].subs(q2, 0), gravity[2].subs(q3, half)
-    return tuple(sp.expand(sp.simplify(p)) for p in (p1, p2, p3, p4, mass[1, 1], mass[2, 2], p7, p8))
+    return tuple(tidy(p) for p in (p1, p2, p3, p4, mass[1, 1], mass[2, 2], p7, p8))
 
 
 @cache
@@ -157,5 +163,5 @@ def torque_rows():
 
 
 def is_zero(expression) -> bool:
-    """Identically zero, by trigonometric expansion."""
-    return sp.simplify(sp.expand(sp.expand_trig(expression))) == 0
+    """Identically zero: every sine and cosine of sums written out in exponentials of single angles, then expanded."""
+    return sp.expand(sp.expand_trig(expression).rewrite(sp.exp)) == 0

@@ -129,3 +129,19 @@ def test_smooth_direction_tends_to_the_sign():
     dq = np.array([-1.0, -0.01, 0.0, 0.01, 1.0])
     np.testing.assert_allclose(dyn.direction(dq, 0.0), [-1, -1, 0, 1, 1])
     np.testing.assert_allclose(dyn.direction(dq, 0.01), [-0.99995, -np.sqrt(0.5), 0, np.sqrt(0.5), 0.99995], atol=1e-8)
+
+
+def test_leading_axes_broadcast():
+    """One call for a grid of poses and a row of parameter vectors gives what single calls give, bit for bit."""
+    q = LINKED.sample(10, 6).reshape(2, 5, 3)
+    dq = np.random.default_rng(6).uniform(-5, 5, (2, 5, 3))
+    pis = np.stack([parameter_set(name).pi for name in ("segment", "UR")])[:, None, :]
+    mass, coriolis = dyn.mass_matrix(pis, q), dyn.coriolis_matrix(pis, q, dq)
+    solved = dyn.solve_mass(pis, q, dq)
+    assert mass.shape == coriolis.shape == (2, 5, 3, 3)
+    for i, j in np.ndindex(2, 5):
+        np.testing.assert_array_equal(mass[i, j], dyn.mass_matrix(pis[i, 0], q[i, j]))
+        np.testing.assert_allclose(coriolis[i, j], dyn.coriolis_matrix(pis[i, 0], q[i, j], dq[i, j]), rtol=1e-15)
+        np.testing.assert_allclose(mass[i, j] @ solved[i, j], dq[i, j], rtol=1e-11)
+    assert dyn.regressor(q, dq, dq).shape == (2, 5, 3, 8)
+    assert kinematics.jacobian(q).shape == (2, 5, 3, 3)

@@ -1,5 +1,6 @@
 """`cosim arm workspace | dissect | counterbalance`: what the model says of the arm."""
 
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
@@ -90,16 +91,16 @@ def _finish(report: Report, out: Path, details: str = "") -> None:
 def _arm(name: str, mounting: Mounting | None, payload: float) -> ParameterSet:
     params = parameter_set(name)
     params = params if mounting is None else mounted(params, mounting)
-    if not 0 <= payload < float("inf"):
+    if not 0 <= payload < inf:
         raise InputError(Problem("--payload", "a mass in kg, zero or more", repr(payload)))
     return with_payload(params, payload) if payload else params
 
 
 def _check_lengths(tool: float, distance: float, lever: float) -> None:
     checks = (
-        ("--tool", tool, tool >= 0, "a mass in kg, zero or more"),
-        ("--tool-distance", distance, distance >= 0, "a length in m, zero or more"),
-        ("--lever", lever, lever > 0, "a length in m above zero"),
+        ("--tool", tool, 0 <= tool < inf, "a mass in kg, zero or more"),
+        ("--tool-distance", distance, 0 <= distance < inf, "a length in m, zero or more"),
+        ("--lever", lever, 0 < lever < inf, "a length in m above zero"),
     )
     problems = [Problem(where, expected, repr(value)) for where, value, good, expected in checks if not good]
     if problems:

@@ -141,12 +141,14 @@ def _principal(signals: np.ndarray, keep: int = 4) -> np.ndarray:
 def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-5) -> np.ndarray:
     """Poles of a sum of exponentials by ESPRIT: shift invariance of the signal subspace of the block Hankel matrix.
 
-    `signals` (n, c) sampled every `step` [s]; singular values below `cut` times the first are noise. Shape (k,) [1/s].
+    `signals` (n, c) sampled every `step` [s]; singular values below `cut` times the first are noise, so that the Hankel matrix's Gram
+    matrix (small) may stand for it. Shape (k,) [1/s].
     """
     rows = min(len(signals) // 2, _ROWS)
     blocks = np.lib.stride_tricks.sliding_window_view(signals, rows, axis=0)
     hankel = blocks.transpose(2, 0, 1).reshape(rows, -1)
-    u, s, _ = np.linalg.svd(hankel, full_matrices=False)
+    squares, u = np.linalg.eigh(hankel @ hankel.T)
+    u, s = u[:, ::-1], np.sqrt(np.maximum(squares[::-1], 0.0))
     rank = int(min(order, np.sum(s > cut * s[0]), rows - 2))
     if rank < 1:
         return np.empty(0, complex)

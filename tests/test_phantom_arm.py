@@ -185,6 +185,7 @@ def test_impossible_parameters_are_named_with_value_and_range(parameters, words)
 @pytest.mark.parametrize(("parameters", "words"), [
     ({"actuator_lag": [0, 1e-4, 0]}, ["actuator_lag[2] = 0.0001", "0.0005 s", "internal_steps to 11"]),
     ({"joint_compliance": [1e-4] * 3, "motor_inertia": [1e-4] * 3}, ["joint_compliance[1] = 0.0001", "internal_steps"]),
+    ({"damping": [90.0] * 3, "internal_steps": 1}, ["damping", "internal step of 0.001 s", "internal_steps to 2"]),
     ({"time_delay": [0, 0, 0.6]}, ["time_delay = 0.6", "512 commands", "0.512 s", "0.001 s"]),
 ])
 def test_what_the_step_cannot_carry_is_refused(parameters, words):

@@ -263,6 +263,23 @@ static const char *check_relations(Model *m)
     return NULL;
 }
 
+/* Fastest rate of the in-device impedance at the start pose (1/s): per axis, with W = J M^-1 J', damping W_ii or sqrt(stiffness W_ii). */
+static double impedance_rate(const Model *m)
+{
+    const ArmPose p = arm_pose(m->q_start);
+    const ArmInertia inertia = arm_inertia(m->body, &p);
+    double fastest = 0;
+    for (int i = 0; i < 3; i++) {
+        double force[3] = {0, 0, 0}, torque[3], ddq[3], ddx[3];
+        force[i] = 1;
+        arm_torque_of_force(&p, force, torque);
+        arm_accelerate(&inertia, torque, ddq);
+        arm_velocity(&p, ddq, ddx);
+        fastest = real_max(fastest, real_max(m->damping[i] * ddx[i], sqrt(m->stiffness[i] * ddx[i])));
+    }
+    return fastest;
+}
+
 static const char *start(Model *m)
 {
     double length = 0;
@@ -280,6 +297,7 @@ static const char *start(Model *m)
     m->extras = any(m->coupling_viscous, 6) || any(m->coupling_coulomb, 6) || any(m->coupling_stiffness, 6);
     m->delays = any(m->time_delay, 3);
     m->impedance = any(m->stiffness, 3) || any(m->damping, 3);
+    m->impedance_rate = m->impedance != 0 ? impedance_rate(m) : 0;
     m->last_time = m->origin;
     const ArmPose p = arm_pose(m->q_link);
     delivered(m, &p, m->tau_lag);
@@ -322,6 +340,11 @@ static const char *sample(Model *m, double t)
 {
     const char *problem = m->plain == 0 && m->domain != 0 ? finish_joints(m, t) : NULL;
     if (problem || m->domain == 0) return problem;
+    if (m->step * m->impedance_rate > 2.0 * m->internal_steps) { /* RK4 ends at 2.78; other poses are up to a third faster */
+        snprintf((char *)m->text, sizeof m->text, "stiffness and damping are too fast (%.4g 1/s) for the internal step of %g s: "
+            "set internal_steps to %.0f or more", m->impedance_rate, m->step / m->internal_steps, ceil(m->step * m->impedance_rate / 2));
+        return (const char *)m->text;
+    }
     if (!inside_domain(m)) {
         m->domain = 0;
         memcpy(ARM_STATE(m), m->kept, sizeof m->kept);

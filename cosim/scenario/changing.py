@@ -1,0 +1,104 @@
+"""Values at paths, effects, and the parameters that result."""
+
+import tomllib
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from attrs import evolve, fields
+
+from cosim.errors import InputError, Problem, did_you_mean
+from cosim.scenario.reading import read_toml, record_of, unknown_keys
+from cosim.scenario.scenario import Component, Scenario
+from cosim.scenario.writing import plain
+from cosim.signals import stem
+
+
+def start_values(component: Component) -> dict[str, object]:
+    """FMU parameters of a component, the parameter set expanded to `pi`, `viscous`, `coulomb`; later keys win."""
+    values: dict[str, object] = {}
+    if component.parameter_set is not None:
+        from cosim.arm.parameters import parameter_set
+
+        chosen = parameter_set(component.parameter_set)
+        values = {key: [float(v) for v in getattr(chosen, key)] for key in ("pi", "viscous", "coulomb")}
+    whole = {key: value for key, value in component.parameters.items() if stem(key) == key}
+    single = {key: value for key, value in component.parameters.items() if stem(key) != key}
+    return values | whole | single
+
+
+def parse_override(text: str) -> tuple[str, object]:
+    """`path=value` as path and TOML value (bare words are text). Raises InputError."""
+    path, equals, value = text.partition("=")
+    if not equals or not path.strip():
+        raise InputError(Problem("--set", "path=value", repr(text), "for example --set arm_l.q_start[2]=0.3"))
+    try:
+        return path.strip(), tomllib.loads(f"value = {value.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        return path.strip(), value.strip()
+
+
+def with_override(scenario: Scenario, text: str, problems: list[Problem]) -> Scenario:
+    try:
+        path, value = parse_override(text)
+    except InputError as error:
+        problems += error.problems
+        return scenario
+    return assign(scenario, path, value, problems)
+
+
+def assign(scenario: Scenario, path: str, value: object, problems: list[Problem]) -> Scenario:
+    """The scenario with one value changed; a problem is appended where the path leads nowhere."""
+    head, _, key = path.removeprefix("components.").partition(".")
+    if head in ("experiment", "teleoperation"):
+        return _assign_record(scenario, head, key, value, problems)
+    chosen = [name for name in scenario.components if fnmatchcase(name, head)]
+    if not chosen or not key:
+        known = [*scenario.components, "experiment"]
+        problems.append(Problem(f"path {path}", "component.parameter or experiment.key", repr(head), did_you_mean(head, known)))
+        return scenario
+    components = dict(scenario.components)
+    for name in chosen:
+        components[name] = _component_with(components[name], key.removeprefix("parameters."), value, f"path {path}", problems)
+    return evolve(scenario, components=components)
+
+
+def _assign_record(scenario: Scenario, head: str, key: str, value: object, problems: list[Problem]) -> Scenario:
+    record = getattr(scenario, head)
+    table = plain(record) | {key: value}
+    changed = record_of(type(record), table, f"path {head}", problems)
+    return scenario if changed is None else evolve(scenario, **{head: changed})
+
+
+def _component_with(component: Component, key: str, value: object, where: str, problems: list[Problem]) -> Component:
+    if key != "parameters" and key in {entry.name for entry in fields(Component)}:
+        table = plain(component)
+        for other in ("model", "fmu", "recording"):
+            if key in ("model", "fmu", "recording") and other != key:
+                table.pop(other, None)
+        return record_of(Component, table | {key: value}, where, problems) or component
+    kept = {k: v for k, v in component.parameters.items() if not (stem(key) == key and stem(k) == key)}
+    return evolve(component, parameters=kept | {key: value})
+
+
+def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Scenario:
+    """The effects file's start values, given to the components that it names or to every one of its model."""
+    if not path.is_file():
+        problems.append(Problem("--effects", "a TOML file", f"nothing at {path}"))
+        return scenario
+    table = read_toml(path)
+    unknown_keys(table, {"format", "model", "components", "parameters", "effects", "provenance"}, path.name, problems)
+    values, model = table.get("parameters", {}), table.get("model", "PhantomArm")
+    named = table.get("components")
+    chosen = named or [name for name, c in scenario.components.items() if c.model == model]
+    for name in chosen:
+        if name not in scenario.components:
+            problems.append(Problem(f"{path.name}: components", "a component of the scenario", repr(name),
+                                    did_you_mean(name, scenario.components)))  # fmt: skip
+    if not chosen:
+        problems.append(Problem(f"{path.name}: model", f"a model in scenario {scenario.name}", repr(model)))
+    components = dict(scenario.components)
+    for name in (name for name in chosen if name in components):
+        for key, value in values.items():
+            components[name] = _component_with(components[name], key, value, path.name, problems)
+    labels = tuple(str(entry.get("name", "?")) for entry in table.get("effects", ()) if isinstance(entry, dict))
+    return evolve(scenario, components=components, effects=scenario.effects + (labels or tuple(values)))

@@ -1,0 +1,67 @@
+"""What can be wrong with a scenario before any FMU is looked at."""
+
+import math
+from pathlib import Path
+
+from attrs import evolve
+
+from cosim.errors import InputError, Problem, did_you_mean
+from cosim.scenario.scenario import NANOSECONDS, Component, Scenario
+
+
+def check(scenario: Scenario, where: str) -> list[Problem]:
+    problems = _check_experiment(scenario, where)
+    for name, component in scenario.components.items():
+        place = f"{where}: components.{name}"
+        given = [key for key in ("model", "fmu", "recording") if getattr(component, key) is not None]
+        if len(given) != 1:
+            problems.append(Problem(place, "one of model, fmu, recording", " and ".join(given) or "none"))
+        if component.step_multiple < 1:
+            problems.append(Problem(f"{place}.step_multiple", "1 or more", str(component.step_multiple)))
+        if component.recording is not None and not component.columns:
+            problems.append(Problem(f"{place}.columns", "names of columns to play", "nothing"))
+        problems += _check_file(component, scenario.folder, place) + _check_set(component, place)
+    return problems
+
+
+def _check_experiment(scenario: Scenario, where: str) -> list[Problem]:
+    e, where, problems = scenario.experiment, f"{where}: experiment", []
+    positive = {"step": e.step, "stop": e.stop, "record_every": e.record_every, "bound": e.bound}
+    wrong = [key for key, value in positive.items() if not (math.isfinite(value) and value > 0)]
+    problems += [Problem(f"{where}.{key}", "a positive number", str(positive[key])) for key in wrong]
+    if "step" not in wrong and (e.step_ns < 1 or abs(e.step * NANOSECONDS - e.step_ns) > 1e-6 * e.step_ns):
+        problems.append(Problem(f"{where}.step", "a whole number of nanoseconds", f"{e.step} s"))
+    elif not wrong and abs(e.stop * NANOSECONDS - e.steps * e.step_ns) > 0.5:
+        near = max(e.steps, 1) * e.step_ns / NANOSECONDS
+        problems.append(Problem(f"{where}.stop", f"a whole number of steps of {e.step} s", f"{e.stop} s", f"{near:.12g} s is one"))
+    if e.fmi not in (2, 3):
+        problems.append(Problem(f"{where}.fmi", "2 or 3", str(e.fmi)))
+    for name in e.order:
+        if name not in scenario.components:
+            problems.append(Problem(f"{where}.order", "a component", repr(name), did_you_mean(name, scenario.components)))
+    if e.order and (missing := set(scenario.components) - set(e.order)):
+        problems.append(Problem(f"{where}.order", "every component", f"no {', '.join(sorted(missing))}"))
+    return problems
+
+
+def _check_file(component: Component, folder: Path, where: str) -> list[Problem]:
+    name = component.fmu or component.recording
+    if name is None or (folder / name).is_file():
+        return []
+    return [Problem(f"{where}.{'fmu' if component.fmu else 'recording'}", "a file", f"nothing at {folder / name}")]
+
+
+def _check_set(component: Component, where: str) -> list[Problem]:
+    if component.parameter_set is None:
+        return []
+    from cosim.arm.parameters import Mounting, parameter_set
+
+    try:
+        chosen = parameter_set(component.parameter_set)
+    except InputError as error:
+        return [evolve(problem, where=f"{where}.parameter_set") for problem in error.problems]
+    mounting = component.parameters.get("mounting", chosen.mounting.value)
+    if chosen.fixed and mounting != Mounting.UPRIGHT.value and mounting != chosen.mounting.value:
+        return [Problem(f"{where}.parameters.mounting", f"the mounting of set {chosen.name} ({chosen.mounting.value})",
+                        repr(mounting), "its gravity terms hold for that mounting only")]  # fmt: skip
+    return []

@@ -1,0 +1,155 @@
+"""From TOML to a scenario: unknown keys and wrong types are collected as problems."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from enum import Enum
+from pathlib import Path
+
+from attrs import fields
+
+from cosim.errors import InputError, Problem, did_you_mean
+from cosim.scenario.scenario import FORMAT, Algorithm, Component, Connection, Experiment, Extrapolation, Scenario, Teleoperation
+from cosim.signals import Signal
+
+
+def table_of(path: Path) -> dict:
+    """The table of a TOML file, or that of an SSP archive."""
+    if path.suffix != ".ssp":
+        return read_toml(path)
+    from build_fmus.cache import cache_folder
+    from cosim.ssp import read_ssp
+
+    return read_ssp(path, cache_folder() / "ssp")
+
+
+def read_toml(path: Path) -> dict:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(Problem(str(path), "TOML", str(error))) from None
+
+
+_TOP = {"format", "name", "title", "description", "experiment", "components", "connections", "teleoperation"}
+
+
+def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
+    """The scenario of a TOML table; problems are appended, None where nothing useful is left."""
+    where = path.name
+    unknown_keys(table, _TOP, where, problems)
+    if table.get("format", FORMAT) != FORMAT:
+        problems.append(Problem(f"{where}: format", str(FORMAT), repr(table["format"]), "this cosim reads format 1"))
+    for key in ("experiment", "components"):
+        if not isinstance(table.get(key), dict):
+            problems.append(Problem(f"{where}: [{key}]", "a table", "nothing" if key not in table else "something else"))
+    if not all(isinstance(table.get(key), dict) for key in ("experiment", "components")):
+        return None
+    experiment = record_of(Experiment, table["experiment"], f"{where}: experiment", problems)
+    components = {
+        name: component
+        for name, entry in table["components"].items()
+        if (component := record_of(Component, entry, f"{where}: components.{name}", problems)) is not None
+    }
+    teleoperation = record_of(Teleoperation, table.get("teleoperation", {}), f"{where}: teleoperation", problems)
+    connections = _connections(table.get("connections", []), set(table["components"]), where, problems)
+    text = {key: str(table[key]).strip() for key in ("title", "description") if key in table}
+    return Scenario(
+        str(table.get("name", path.stem)), experiment or Experiment(stop=1.0), components, connections,
+        teleoperation=teleoperation or Teleoperation(), folder=path.parent, **text,
+    )  # fmt: skip
+
+
+def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: list[Problem]) -> None:
+    known = sorted(known)
+    for key in table:
+        if key not in known:
+            problems.append(Problem(f"{where}: {key}", "a known key", "an unknown one", did_you_mean(key, known)))
+
+
+def record_of(kind: type, table: object, where: str, problems: list[Problem]):
+    """An instance of a frozen class from a TOML table by cattrs, unknown keys and wrong types reported; None if hopeless."""
+    if not isinstance(table, dict):
+        problems.append(Problem(where, "a table", type(table).__name__))
+        return None
+    names = [entry.name for entry in fields(kind)]
+    unknown_keys(table, names, where, problems)
+    try:
+        return _converter().structure({key: value for key, value in table.items() if key in names}, kind)
+    except Exception as error:
+        problems += _translated(error, where)
+        return None
+
+
+def _converter():
+    """A strict cattrs converter: no text for numbers, no numbers for text, whole numbers where they are asked for."""
+    from cattrs import Converter
+
+    converter = Converter(detailed_validation=True)
+    converter.register_structure_hook(float, lambda value, _: float(_strict(value, (int, float), "a number")))
+    converter.register_structure_hook(int, lambda value, _: _strict(value, int, "a whole number"))
+    converter.register_structure_hook(str, lambda value, _: _strict(value, str, "text"))
+    converter.register_structure_hook(str | None, lambda value, _: None if value is None else _strict(value, str, "text"))
+    converter.register_structure_hook_func(
+        lambda kind: kind == Mapping[str, object], lambda value, _: dict(_strict(value, dict, "a table"))
+    )
+    for kind in (Algorithm, Extrapolation):
+        converter.register_structure_hook(kind, _member)
+    return converter
+
+
+class _Unfit(Exception):
+    """A value of the wrong kind: what was expected, what came, advice."""
+
+
+def _strict(value: object, kind, words: str):
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise _Unfit(words, repr(value), "")
+    return value
+
+
+def _member(value: object, kind: type[Enum]) -> Enum:
+    words = [member.value for member in kind]
+    if value in words:
+        return kind(value)
+    raise _Unfit(" or ".join(repr(word) for word in words), repr(value), did_you_mean(str(value), words))
+
+
+def _translated(error: Exception, where: str) -> list[Problem]:
+    """Problems of a cattrs validation error, with the key that each belongs to."""
+    if isinstance(error, _Unfit):
+        return [Problem(where, *error.args)]
+    if isinstance(error, ExceptionGroup):
+        return [p for inner in error.exceptions for p in _translated(inner, where + _key(inner))]
+    if isinstance(error, (KeyError, TypeError)):
+        return [Problem(where, "a value", "nothing" if isinstance(error, KeyError) else str(error))]
+    return [Problem(where, "a fitting value", str(error))]
+
+
+def _key(error: Exception) -> str:
+    for note in getattr(error, "__notes__", ()):
+        name = getattr(note, "name", None)
+        if name is not None:
+            return f".{name}"
+        if getattr(note, "index", None) is not None:
+            return f"[{note.index}]"
+    return f".{error.args[0]}" if isinstance(error, KeyError) and error.args else ""
+
+
+_WIRE = re.compile(r"^\s*(?P<source>[^\s]+)\s*->\s*(?P<target>[^\s]+)\s*$")
+
+
+def _connections(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
+    found = []
+    for number, entry in enumerate(entries if isinstance(entries, list) else [entries], start=1):
+        match = _WIRE.match(entry) if isinstance(entry, str) else None
+        place = f"{where}: connections, line {number}"
+        if match is None or not all("." in match[end] for end in ("source", "target")):
+            problems.append(Problem(place, "'component.output -> component.input'", repr(entry)))
+            continue
+        ends = [Signal(*match[end].split(".", 1)) for end in ("source", "target")]
+        strangers = [end for end in ends if end.component not in known]
+        problems += [Problem(f"{place} ({entry})", "a component of the scenario", repr(s.component),
+                             did_you_mean(s.component, known)) for s in strangers]  # fmt: skip
+        if not strangers:
+            found.append(Connection(*ends))
+    return tuple(found)

@@ -1,0 +1,12 @@
+"""The wiring of a scenario, checked: units, causality, algebraic loops, stepping order, the delay of each connection."""
+
+from cosim.wiring.ages import direction_table
+from cosim.wiring.checking import check, restarted, wire
+from cosim.wiring.loops import stepping_order
+from cosim.wiring.starts import vector_starts
+from cosim.wiring.types import is_real
+from cosim.wiring.wiring import Hop, Link, Path, Wiring
+
+__all__ = [
+    "Hop", "Link", "Path", "Wiring", "check", "direction_table", "is_real", "restarted", "stepping_order", "vector_starts", "wire",
+]  # fmt: skip

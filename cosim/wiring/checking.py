@@ -1,0 +1,62 @@
+"""From a scenario and the descriptions of its FMUs to a checked wiring."""
+
+from collections.abc import Mapping
+
+from attrs import evolve
+
+from cosim.errors import InputError, Problem
+from cosim.scenario import Scenario
+from cosim.signals import Description
+from cosim.wiring.ages import timed
+from cosim.wiring.links import driven_twice, links_of, timing_problems, too_many_instances, unwired
+from cosim.wiring.loops import assumed_loops, loop_problems, stepping_order
+from cosim.wiring.starts import starts_of
+from cosim.wiring.wiring import Wiring
+
+
+def wire(scenario: Scenario, descriptions: Mapping[str, Description]) -> Wiring:
+    """Wire the scenario's components, given the description of each. Raises InputError with every problem found."""
+    wiring, problems = check(scenario, descriptions)
+    if problems:
+        raise InputError(problems)
+    return wiring
+
+
+def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
+    """The wiring of a scenario that differs in start values only, without wiring anew; None where it differs in more.
+
+    Raises InputError for values that do not fit.
+    """
+    if not _same_structure(wiring.scenario, scenario):
+        return None
+    problems: list[Problem] = []
+    old = wiring.scenario.components
+    starts = {name: wiring.starts[name] if component == old[name] else starts_of(scenario, name, wiring.descriptions[name], problems)
+              for name, component in scenario.components.items()}  # fmt: skip
+    if problems:
+        raise InputError(problems)
+    return evolve(wiring, scenario=scenario, starts=starts)
+
+
+def _same_structure(one: Scenario, other: Scenario) -> bool:
+    if (one.connections, one.experiment, one.teleoperation, one.folder) != (
+        other.connections, other.experiment, other.teleoperation, other.folder,
+    ) or list(one.components) != list(other.components):  # fmt: skip
+        return False
+    pairs = zip(one.components.values(), other.components.values())
+    return all(a == b or evolve(a, parameters={}, parameter_set=None) == evolve(b, parameters={}, parameter_set=None) for a, b in pairs)
+
+
+def check(scenario: Scenario, descriptions: Mapping[str, Description]) -> tuple[Wiring | None, list[Problem]]:
+    """As `wire`, but returns the problems; the wiring is None where there are any."""
+    problems: list[Problem] = []
+    starts = {name: starts_of(scenario, name, descriptions[name], problems) for name in scenario.components}
+    links = links_of(scenario, descriptions, problems)
+    problems += driven_twice(links) + loop_problems(links, descriptions) + timing_problems(scenario)
+    notes = unwired(scenario, descriptions, links, starts, problems) + assumed_loops(links, descriptions)
+    problems += too_many_instances(scenario, descriptions)
+    if problems:
+        return None, problems
+    order = scenario.experiment.order or stepping_order(scenario, descriptions, links)
+    wiring = Wiring(scenario, descriptions, tuple(order), tuple(links), starts, notes=tuple(notes))
+    return timed(wiring), []

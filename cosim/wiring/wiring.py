@@ -1,0 +1,108 @@
+"""What a wiring is: links between scalars, their ages, the order of stepping, the schedule."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+from attrs import field, frozen
+
+from cosim.scenario import Connection, Scenario
+from cosim.schedule import Schedule
+from cosim.signals import Description, Signal
+from cosim.wiring.types import by_type, outputs_of
+
+
+@frozen
+class Link:
+    """One scalar output wired to one scalar input."""
+
+    source: Signal
+    target: Signal
+    linear: bool
+
+
+@frozen
+class Hop:
+    """What a connection adds: `age` [s] is the mean time by which the master makes the signal older (negative: newer)."""
+
+    connection: Connection
+    size: int
+    unit: str
+    linear: bool
+    age: float
+
+
+@frozen
+class Path:
+    """A way of a signal through components, and the mean age that it gains there [s], the channels' own delay not counted.
+
+    With equal step multiples the age is the sum of the ages of the hops."""
+
+    components: tuple[str, ...]
+    age: float
+
+
+@frozen
+class Wiring:
+    """A scenario that is wired up and checked.
+
+    order: components in the order of stepping; links: scalar connections; starts: value of every FMU parameter that the
+    scenario sets; lr, rl: paths from the local to the remote arm and back; loops_l, loops_r: local paths of either arm;
+    notes: what the user should know.
+    """
+
+    scenario: Scenario
+    descriptions: Mapping[str, Description]
+    order: tuple[str, ...]
+    links: tuple[Link, ...]
+    starts: Mapping[str, Mapping[str, float | str]]
+    hops: tuple[Hop, ...] = ()
+    lr: tuple[Path, ...] = ()
+    rl: tuple[Path, ...] = ()
+    loops_l: tuple[Path, ...] = ()
+    loops_r: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+    schedule: Schedule = field(default=None, repr=False)
+
+    @property
+    def age_lr(self) -> float:
+        """Mean age added from the local to the remote arm [s], over its paths; 0 without one."""
+        return _mean(self.lr)
+
+    @property
+    def age_rl(self) -> float:
+        """Mean age added from the remote to the local arm [s]."""
+        return _mean(self.rl)
+
+    @property
+    def age_local(self) -> tuple[float, float]:
+        """Mean age added on the local paths of the local and of the remote arm [s] (arm, its controller, arm)."""
+        return _mean(self.loops_l), _mean(self.loops_r)
+
+    def inputs(self, component: str) -> list[str]:
+        """The component's wired inputs, in the order in which they are set: real ones first."""
+        wired = {link.target.variable for link in self.links if link.target.component == component}
+        return by_type(v for v in self.descriptions[component].variables.values() if v.name in wired)
+
+    def sloped(self, component: str) -> list[str]:
+        """The component's inputs that move along lines, in the order of `inputs`."""
+        linear = {link.target.variable for link in self.links if link.target.component == component and link.linear}
+        return [name for name in self.inputs(component) if name in linear]
+
+    def outputs(self, component: str) -> list[str]:
+        """The component's outputs, in the order in which they are read: real ones first."""
+        return outputs_of(self.descriptions[component])
+
+    @cached_property
+    def signals(self) -> list[str]:
+        """Names of all outputs, `arm_l.q[1]`, in the order of the store."""
+        return [f"{name}.{output}" for name in self.scenario.components for output in self.outputs(name)]
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Unit of every output."""
+        return {f"{name}.{output}": self.descriptions[name].variables[output].unit.name
+                for name in self.scenario.components for output in self.outputs(name)}  # fmt: skip
+
+
+def _mean(paths: tuple[Path, ...]) -> float:
+    return sum(path.age for path in paths) / len(paths) if paths else 0.0

@@ -156,7 +156,7 @@ def _warnings(before: Model, verdict: Verdict) -> list[str]:
     lags = [f for f in verdict.findings if f.name in ("actuator_lag", "time_delay")]
     if lags:
         out.append("a lag estimated from sampled rows holds the half sample of the held torque, which a co-simulation has by itself: "
-                   f"the replay uses it less {500 * motion.step:.2g} ms")  # fmt: skip
+                   f"the replay uses it less {500 * motion.sample:.2g} ms")  # fmt: skip
     return out
 
 
@@ -182,7 +182,7 @@ def _replayed(closure: Closure, options: Options) -> Closure:
     from cosim.closure.replay import replay, without_hold
     from cosim.errors import InputError, RunError
 
-    step = closure.before.setting.motion.step
+    step = closure.before.setting.motion.sample
     try:
         result = replay(closure.recording, without_hold(closure.values_before, step), without_hold(closure.values_after, step))
     except (InputError, RunError) as error:

@@ -38,6 +38,8 @@ def _usable(values: Values) -> Values:
         row = values.get(name)
         if isinstance(row, list):
             values[name] = [v if v > 0 else max(row) for v in row]
+    if isinstance(row := values.get("stribeck_exponent"), list):
+        values["stribeck_exponent"] = [v or 2.0 for v in row]
     return values
 
 

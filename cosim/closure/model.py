@@ -259,6 +259,6 @@ def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> flo
 
 
 def _best_skew(model: Model) -> Model:
-    step = model.setting.motion.step
+    step = model.setting.motion.sample
     options = [evolve_model(model, skew=k * step) for k in (0.0, 0.5, 1.0)]
     return min(options, key=train_error)

@@ -8,19 +8,22 @@ from attrs import frozen
 from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, position_noise, slope_kernel
 from cosim.measured import Recording, Run
 
+SAMPLED = 0.4  # widths of K that smoothed signals may be sampled at
 BLOCK = 0.5  # s, shortest length of the contiguous blocks that statistics count in
 MOST_BLOCKS = 60  # of the fitted rows
 
 
 @frozen(eq=False)
 class Motion:
-    """Signals of all runs below each other, n rows at the full rate, nj joints. SI.
+    """Signals of all runs below each other, n rows, nj joints, every `stride`-th sample. SI.
 
-    time (n,), run (n,) number of the run, test (n,) held out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw, q_raw (n, nj)
-    as recorded; regressor (n, p), rigid (n,), other name -> (n,); velocity_noise (nj,) standard deviation of dq from encoder noise.
+    step, sample [s] between rows and between recorded samples; time (n,), run (n,) number of the run, test (n,) held out;
+    q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at every sample; regressor (n, p), rigid (n,), other name -> (n,); velocity_noise (nj,) standard deviation of dq from encoder noise.
     """
 
     step: float
+    sample: float
+    stride: int
     widths: Widths
     bounds: tuple[tuple[int, int], ...]
     names: tuple[str, ...]
@@ -32,7 +35,7 @@ class Motion:
     ddq: np.ndarray
     tau: np.ndarray
     tau_raw: np.ndarray
-    q_raw: np.ndarray
+    commands: tuple[np.ndarray, ...]
     q_ref: np.ndarray | None
     force: np.ndarray | None
     regressor: np.ndarray | None
@@ -55,6 +58,11 @@ class Motion:
         weights = kernel(self.widths.first / self.step)
         return self.per_run(lambda part: convolve(part, weights), x)
 
+    def of_torque(self, joint: int, function) -> np.ndarray:
+        """K function(u) (n,) of the recorded torque of a joint, formed sample by sample before it is smoothed and thinned."""
+        weights = kernel(self.widths.first / self.sample)
+        return np.concatenate([convolve(function(u[:, joint]), weights)[:: self.stride] for u in self.commands])
+
     def rate(self, x: np.ndarray) -> np.ndarray:
         """Time derivative of a smooth signal x (n, ...), by central differences within each run."""
         return self.per_run(lambda part: np.gradient(part, self.step, axis=0), x)
@@ -71,29 +79,35 @@ class Motion:
 
 
 def prepare(recording: Recording, widths: Widths | None = None) -> Motion:
-    """Smoothed signals of every run; the kernels are chosen from the encoder noise unless given."""
+    """Smoothed signals of every run; the kernels are chosen from the encoder noise unless given.
+
+    Once smoothed, a signal is kept at every `stride`-th sample: K leaves nothing that a step of 0.4 of its width would miss.
+    Recorded regressors are not smooth yet, so device "regressor" keeps every sample.
+    """
     runs = recording.runs
-    step = float(np.median([run.step for run in runs]))
-    widths = widths or choose_widths([run.q for run in runs], step)
-    stops = np.cumsum([len(run) for run in runs])
-    parts = [_derivatives(run, widths, step) for run in runs]
+    sample = float(np.median([run.step for run in runs]))
+    widths = widths or choose_widths([run.q for run in runs], sample)
+    stride = 1 if recording.device == "regressor" else max(int(SAMPLED * widths.first / sample), 1)
+    counts = [len(range(0, len(run), stride)) for run in runs]
+    stops = np.cumsum(counts)
+    parts = [_derivatives(run, widths, sample) for run in runs]
 
     def stacked(pick) -> np.ndarray | None:
         values = [pick(run) for run in runs]
-        return None if any(v is None for v in values) else np.concatenate(values)
+        return None if any(v is None for v in values) else np.concatenate([v[::stride] for v in values])
 
     noise = np.sqrt(np.mean([position_noise(run.q) ** 2 for run in runs], axis=0))
-    first = widths.first
     return Motion(
-        step=step, widths=widths, bounds=tuple((int(b - len(run)), int(b)) for run, b in zip(runs, stops, strict=True)),
-        names=tuple(run.name for run in runs), time=stacked(lambda run: run.time),
-        run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]), test=stacked(lambda run: run.test),
-        q=np.concatenate([p[0] for p in parts]), dq=np.concatenate([p[1] for p in parts]),
-        ddq=np.concatenate([p[2] for p in parts]), tau=np.concatenate([p[3] for p in parts]),
-        tau_raw=stacked(lambda run: run.tau), q_raw=stacked(lambda run: run.q), q_ref=stacked(lambda run: run.q_ref), force=stacked(lambda run: run.force),
+        step=sample * stride, sample=sample, stride=stride, widths=widths,
+        bounds=tuple((int(b - n), int(b)) for n, b in zip(counts, stops, strict=True)), names=tuple(run.name for run in runs),
+        time=stacked(lambda run: run.time), run=np.repeat(np.arange(len(runs)), counts), test=stacked(lambda run: run.test),
+        q=np.concatenate([p[0][::stride] for p in parts]), dq=np.concatenate([p[1][::stride] for p in parts]),
+        ddq=np.concatenate([p[2][::stride] for p in parts]), tau=np.concatenate([p[3][::stride] for p in parts]),
+        tau_raw=stacked(lambda run: run.tau), commands=tuple(run.tau for run in runs),
+        q_ref=stacked(lambda run: run.q_ref), force=stacked(lambda run: run.force),
         regressor=stacked(lambda run: run.regressor), rigid=stacked(lambda run: run.rigid),
-        other={name: np.concatenate([run.other[name] for run in runs]) for name in runs[0].other},
-        velocity_noise=noise * np.sqrt(step / (4 * np.sqrt(np.pi) * first**3)),
+        other={name: np.concatenate([run.other[name][::stride] for run in runs]) for name in runs[0].other},
+        velocity_noise=noise * np.sqrt(sample / (4 * np.sqrt(np.pi) * widths.first**3)),
         differentiated=any(run.dq is None or run.ddq is None for run in runs),
     )  # fmt: skip
 

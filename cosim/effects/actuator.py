@@ -51,7 +51,7 @@ class TimeDelay(Effect):
     needs = "fast excitation"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        step = scene.motion.step
+        step = scene.motion.sample
         return tuple((float(d),) for d in np.geomspace(2 * step, max(60 * step, 0.06), 8))
 
     def continuous(self, theta):
@@ -77,7 +77,7 @@ class TimeDelay(Effect):
 def _too_short(value: float, std: float, scene: Scene) -> str:
     if value < 0:
         return "negative: the torque would come before its command"
-    if value - 2 * std < SAMPLES_OF_A_RECORDING * scene.motion.step:
+    if value - 2 * std < SAMPLES_OF_A_RECORDING * scene.motion.sample:
         return f"{1e3 * value:.2g} ms is within the {SAMPLES_OF_A_RECORDING} samples that recording itself may cost"
     return ""
 
@@ -117,6 +117,7 @@ class TorqueSaturation(Effect):
 
     name = "torque_saturation"
     measured = True
+    sharp = False  # K is in the column already
     actuator = True
     title = "torque saturation"
     equation = "tau = clip(u, -L, L), so u = p + (u - clip(u, -L, L))"
@@ -132,8 +133,8 @@ class TorqueSaturation(Effect):
         return (0,)
 
     def columns(self, scene, joints, theta):
-        u = scene.motion.tau_raw[:, joints]
-        return {joints[0]: u - np.clip(u, -theta[0], theta[0])}
+        limit = theta[0]
+        return {joints[0]: scene.motion.of_torque(joints[0], lambda u: u - np.clip(u, -limit, limit))[:, None]}
 
     def labels(self, joints, theta):
         return ("share beyond the limit",)
@@ -153,6 +154,7 @@ class TorqueDeadband(Effect):
 
     name = "torque_deadband"
     measured = True
+    sharp = False  # K is in the column already
     actuator = True
     title = "dead band of the torque"
     equation = "tau = u - clip(u, -d, d), so u = p + clip(u, -d, d)"
@@ -168,8 +170,8 @@ class TorqueDeadband(Effect):
         return (0,)
 
     def columns(self, scene, joints, theta):
-        u = scene.motion.tau_raw[:, joints]
-        return {joints[0]: np.clip(u, -theta[0], theta[0]) / theta[0]}
+        dead = theta[0]
+        return {joints[0]: scene.motion.of_torque(joints[0], lambda u: np.clip(u, -dead, dead) / dead)[:, None]}
 
     def labels(self, joints, theta):
         return (per_joint("torque_deadband", joints),)

@@ -96,7 +96,7 @@ class Stribeck(Effect):
         return (per_joint("stribeck", joints),)
 
     def theta_labels(self, joints):
-        return (per_joint("stribeck_velocity", joints),)
+        return (per_joint("stribeck_velocity", joints), per_joint("stribeck_exponent", joints))
 
     def unphysical(self, estimate: Estimate) -> str:
         if estimate.beta[0] < 0:

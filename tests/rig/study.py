@@ -1,0 +1,197 @@
+"""Studies of the decision rule on blind rigs, printed as tables:  python -m tests.rig.study nulls|detection|limits|pairs|outside|viscosity
+
+Every study simulates with tests/rig (own equations) and judges with `close_loop` as the command does. Nothing in the tool is fitted to
+the seeds used here: the rule was set on seeds below 1000, the studies use seeds from 1000 on.
+"""
+
+import argparse
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from tests.rig.cases import EFFECTS, OUTSIDE, SIZES, complete, hidden, outside, two
+from tests.rig.experiment import Experiment
+from tests.rig.trial import Outcome, run_all
+
+PAIRS = (
+    ("stribeck", "viscous_asymmetry"), ("actuator_lag", "stribeck"), ("hysteresis", "position_torque"), ("torque_ripple", "quadratic_drag"),
+    ("load_friction", "torque_ripple"), ("position_friction", "joint_coupling"), ("friction_drift", "torque_ripple"),
+    ("base_tilt", "stribeck"), ("torque_offset", "hysteresis"), ("joint_coupling", "actuator_lag"),
+)  # fmt: skip
+
+
+def experiment(seed):
+    """Excitations of several bandwidths and amplitudes, three noise levels, two encoders."""
+    fine = np.array((0.118e-3, 0.140e-3, 0.140e-3))
+    return Experiment(
+        seed=seed, highest=(5.0, 8.0, 5.0, 12.0)[seed % 4], tones=(10, 10, 6)[seed % 3], noise=(5e-4, 2e-4, 1e-3)[seed % 3],
+        scale=(1.0, 0.7, 1.0)[(seed // 2) % 3], gravity=bool(seed % 2), resolution=fine * (1, 1, 2, 1, 0.25)[seed % 5],
+        bandwidth=(40.0, 30.0, 55.0)[(seed // 3) % 3],
+    )  # fmt: skip
+
+
+def lower_bound(hits, count):
+    """Clopper-Pearson lower 95 % bound."""
+    from scipy.stats import beta
+
+    return float(beta.ppf(0.05, hits, count - hits + 1)) if hits else 0.0
+
+
+def upper_bound(hits, count):
+    from scipy.stats import beta
+
+    return float(beta.ppf(0.95, hits + 1, count - hits)) if hits < count else 1.0
+
+
+def nulls(options):
+    """False claims on complete models."""
+    seeds = range(options.first, options.first + options.count)
+    out = run_all([complete(s) for s in seeds], [experiment(s) for s in seeds], options.duration, options.workers)
+    good = [o for o in out if o.good]
+    wrong = [o for o in good if o.verdict != "model_complete"]
+    print(f"complete models: {len(good)}, false claims: {sum(o.verdict == 'effect_found' for o in good)}, "
+          f"unexplained: {sum(o.verdict == 'unexplained' for o in good)}, refused: {sum(o.verdict == 'refused' for o in good)}")
+    print(f"rate of anything but model_complete: {100 * len(wrong) / len(good):.2f} %, "
+          f"upper 95 % bound {100 * upper_bound(len(wrong), len(good)):.2f} %")
+    for o in wrong:
+        print(f"  seed {o.seed}: {o.verdict} {o.found} {o.unknown[:2]}")
+    return out
+
+
+def _detect(names, sizes, seeds, options):
+    tasks = [(hidden(n, a, s), experiment(s)) for n in names for a in sizes for s in seeds]
+    return run_all([c for c, _ in tasks], [e for _, e in tasks], options.duration, options.workers)
+
+
+def detection(options):
+    """Rate of the right name per effect and size, and the detection limit: the smallest size from which 80 % are right."""
+    seeds = range(options.first, options.first + options.count)
+    names = options.effects or list(EFFECTS)
+    out = _detect(names, options.sizes, seeds, options)
+    table(out, names, options.sizes)
+    pooled(out, names, options.sizes)
+    return out
+
+
+def _rate(out, name, size):
+    return [o for o in out if o.label == name and o.size == size and o.good]
+
+
+def limit_of(out, name, sizes):
+    """Smallest size from which on at least 80 % are right at every larger one; None where there is none."""
+    best = None
+    for size in sorted(sizes, reverse=True):
+        group = _rate(out, name, size)
+        if not group or np.mean([o.right for o in group]) < 0.8:
+            break
+        best = size
+    return best
+
+
+def table(out, names, sizes):
+    print(f"{'effect':20s}" + "".join(f"{f'size {a:g}':>12s}" for a in sizes) + "   limit   wrong names (all sizes)")
+    for name in names:
+        cells, extra = "", []
+        for size in sizes:
+            group = _rate(out, name, size)
+            cells += f"{f'{sum(o.right for o in group)}/{len(group)}':>12s}"
+            extra += [f[0] for o in group for f in o.extra]
+        counts = {n: extra.count(n) for n in sorted(set(extra))}
+        print(f"{name:20s}{cells}   {limit_of(out, name, sizes)!s:6s}  {counts or ''}")
+
+
+def pooled(out, names, sizes):
+    above = [o for n in names if (a := limit_of(out, n, sizes)) for o in out if o.label == n and o.size >= a and o.good]
+    right = sum(o.right for o in above)
+    if above:
+        print(f"above the limit: {right} of {len(above)} right = {100 * right / len(above):.1f} %, "
+              f"lower 95 % bound {100 * lower_bound(right, len(above)):.1f} %")
+        print(f"wrong names beside or instead: {sum(bool(o.extra) for o in above)} runs of {len(above)}")
+
+
+def pairs(options):
+    """Two effects at once."""
+    seeds = range(options.first, options.first + options.count)
+    tasks = [(two(a, b, options.size, s), experiment(s)) for a, b in PAIRS for s in seeds]
+    out = run_all([c for c, _ in tasks], [e for _, e in tasks], options.duration, options.workers)
+    for a, b in PAIRS:
+        group = [o for o in out if o.label == f"{a}+{b}" and o.good]
+        one = sum(any(o.hit(n, j) for n, j in o.truth.items()) for o in group)
+        extra = [f[0] for o in group for f in o.extra]
+        print(f"{a + ' + ' + b:42s} both {sum(o.right for o in group):3d}/{len(group)}  at least one {one:3d}  wrong "
+              f"{ {n: extra.count(n) for n in sorted(set(extra))} or ''}")
+    good = [o for o in out if o.good]
+    right = sum(o.right for o in good)
+    print(f"both named: {right} of {len(good)} = {100 * right / len(good):.1f} %, lower 95 % bound {100 * lower_bound(right, len(good)):.1f} %")
+    return out
+
+
+def beyond(options):
+    """Effects that no library has: unexplained with the right signals, no wrong name."""
+    seeds = range(options.first, options.first + options.count)
+    tasks = [(outside(n, options.size, s), experiment(s)) for n in OUTSIDE for s in seeds]
+    out = run_all([c for c, _ in tasks], [e for _, e in tasks], options.duration, options.workers)
+    for name, (_, signals) in OUTSIDE.items():
+        group = [o for o in out if o.label == name and o.good]
+        named = [f[0] for o in group for f in o.found]
+        said = sum(o.verdict == "unexplained" for o in group)
+        right = sum(o.verdict == "unexplained" and any(_fits(x, signals) for x in o.unknown) for o in group)
+        nothing = sum(o.verdict == "model_complete" for o in group)
+        print(f"{name:16s} unexplained {said}/{len(group)}, with the right signals {right}, model_complete {nothing}, named "
+              f"{ {n: named.count(n) for n in sorted(set(named))} or ''}")
+    return out
+
+
+def _fits(unknown, signals):
+    joint, found = unknown
+    return any(w in s or s.rstrip("123") == w for s in found for w in signals)
+
+
+def viscosity(options):
+    """PHYSICS section 1: negative viscosity from a Stribeck effect that the model lacks, and from chatter of the sign."""
+    from dataclasses import replace
+
+    from tests.rig.cases import COULOMB, Case, base
+    from tests.rig.plant import SIGN
+
+    seeds = range(options.first, options.first + options.count)
+    cases = []
+    for s in seeds:
+        plant = replace(base(s), viscous=np.full(3, 0.5e-3))
+        cases.append(Case("stribeck plant", replace(plant, stribeck=0.4 * COULOMB, stribeck_velocity=np.full(3, 0.6)),
+                          {"stribeck": {1, 2, 3}}))
+        cases.append(Case("chatter plant", replace(plant, law=SIGN), {}))
+    out = run_all(cases, [experiment(s) for s in seeds for _ in range(2)], options.duration, options.workers)
+    for label in ("stribeck plant", "chatter plant"):
+        group = [o for o in out if o.label == label and o.good]
+        negative = np.mean([v < 0 for o in group for v in o.viscous])
+        named = np.mean([any(f[0] == "stribeck" or "stribeck" in f[2] for f in o.found) for o in group])
+        print(f"{label:16s} complete model: {100 * negative:.0f} % of the viscous coefficients negative, stribeck named in {100 * named:.0f} %")
+    return out
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", choices=("nulls", "detection", "pairs", "outside", "viscosity"))
+    parser.add_argument("--count", type=int, default=20, help="seeds a case")
+    parser.add_argument("--first", type=int, default=1000, help="first seed")
+    parser.add_argument("--duration", type=float, default=60.0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--sizes", type=float, nargs="+", default=list(SIZES))
+    parser.add_argument("--size", type=float, default=3.0)
+    parser.add_argument("--effects", nargs="+")
+    parser.add_argument("--out", type=Path, help="JSON lines of all outcomes")
+    options = parser.parse_args()
+    start = time.time()
+    study = {"nulls": nulls, "detection": detection, "pairs": pairs, "outside": beyond, "viscosity": viscosity}[options.study]
+    out: list[Outcome] = study(options)
+    print(f"{len(out)} runs in {time.time() - start:.0f} s")
+    if options.out:
+        options.out.write_text("\n".join(json.dumps(asdict(o)) for o in out) + "\n")
+
+
+if __name__ == "__main__":
+    main()

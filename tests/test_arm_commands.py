@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from cosim.arm import dynamics
-from cosim.arm.dissection import TERMS, dissect, random_motion
+from cosim.arm.dissection import TERMS, dissect, random_motion, sampled_motion
 from cosim.arm.parameters import parameter_set
 from cosim.arm.workspace import LINKED
 from cosim.cli import main
+from cosim.master import run as simulate
+from cosim.results import write_h5
+from cosim.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +88,22 @@ def test_bad_input_is_named(tmp_path, capsys, words, message):
     assert code == 2
     assert message in err
     assert not list(tmp_path.iterdir())
+
+
+def test_dissect_takes_the_motion_of_a_run(tmp_path, capsys):
+    """The motion of a co-simulated arm instead of the random one, and what is said where there is no such arm."""
+    simulated = simulate(load_scenario("identification", ["experiment.stop=5"]))
+    result = str(write_h5(simulated, tmp_path / "result.h5"))
+    code, out, _ = run(capsys, "dissect", "--result", result, "--out", str(tmp_path))
+    assert code == 0
+    assert "joint 3: gravity" in out
+    assert "taken as free motion" in (tmp_path / "report.html").read_text()
+    code, _, err = run(capsys, "dissect", "--result", result, "--component", "amr", "--out", str(tmp_path / "no"))
+    assert code == 2
+    assert "did you mean 'arm'" in err
+
+
+def test_sampled_motion_finds_the_acceleration(motion):
+    """Second-order differences at 10 ms: error h^2/6 |d3q'| below the tolerance of the exact derivatives above."""
+    found = sampled_motion(motion.time, motion.q, motion.dq)
+    np.testing.assert_allclose(found.ddq[1:-1], motion.ddq[1:-1], atol=5 * 0.01**2 / 6 * 150)

@@ -5,7 +5,7 @@ papers are wrong and which test shows it.
 """
 
 from cosim.arm.counterbalance import Attachment, Counterweights, balancing_weights, fitted
-from cosim.arm.dissection import Dissection, Motion, dissect, random_motion
+from cosim.arm.dissection import Dissection, Motion, dissect, random_motion, sampled_motion
 from cosim.arm.dynamics import (
     coriolis_matrix,
     forward_dynamics,
@@ -74,6 +74,7 @@ __all__ = [
     "point_mass_pi",
     "potential_energy",
     "random_motion",
+    "sampled_motion",
     "regressor",
     "segment_pi",
     "singularity",

@@ -76,6 +76,11 @@ def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, work
     return waves.scaled((1.0, low, low)).motion(time)
 
 
+def sampled_motion(time: np.ndarray, q: np.ndarray, dq: np.ndarray) -> Motion:
+    """A recorded or simulated motion: ddq by second-order differences of dq (n, 3), so dq has to be smooth."""
+    return Motion(time, q, dq, np.gradient(dq, time, axis=0, edge_order=2))
+
+
 @frozen
 class Dissection:
     """The torque of a motion by origin: `torque` (5, n, 3) [N m] in the order of TERMS, at `time` (n,) [s]."""

@@ -7,11 +7,11 @@ from typing import Annotated
 import typer
 
 from cosim.arm.counterbalance import GIMBAL, LEVER, Attachment, Counterweights, balancing_weights
-from cosim.arm.dissection import TERMS, Dissection, dissect, random_motion
+from cosim.arm.dissection import TERMS, Dissection, Motion, dissect, random_motion, sampled_motion
 from cosim.arm.parameters import SET_NAMES, Mounting, ParameterSet, mounted, parameter_set, with_payload
 from cosim.arm.workspace import LINKED, Definiteness, definiteness
 from cosim.cli import arm_sections as sections
-from cosim.errors import InputError, Problem
+from cosim.errors import InputError, Problem, did_you_mean
 from cosim.report import Report, write_report
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
@@ -23,6 +23,10 @@ MountingOption = Annotated[
 PayloadOption = Annotated[float, typer.Option("--payload", help="mass on the tip [kg]")]
 OutOption = Annotated[Path, typer.Option("--out", help="folder for report.html")]
 SeedOption = Annotated[int, typer.Option("--seed", help="of the random motion")]
+ResultOption = Annotated[
+    Path | None, typer.Option("--result", help="result.h5 of `cosim run` whose motion is taken instead of a random one")
+]
+ComponentOption = Annotated[str, typer.Option("--component", help="the arm in that result")]
 ToolOption = Annotated[float, typer.Option("--tool", help="mass of the tool [kg]")]
 DistanceOption = Annotated[float, typer.Option("--tool-distance", help="from the elbow to the tool's centre [m]")]
 LeverOption = Annotated[float, typer.Option("--lever", help="L_cb, from the axis to a counterweight's centre [m]")]
@@ -52,15 +56,21 @@ def dissect_motion(
     mounting: MountingOption = None,
     payload: PayloadOption = 0.0,
     seed: SeedOption = 1,
+    result: ResultOption = None,
+    component: ComponentOption = "arm",
     out: OutOption = Path("arm-dissect"),
 ) -> None:
     """Which share of each joint's torque is inertia, Coriolis, gravity and friction (Taati 4.1, Figs. 10 and 11)."""
-    arm, motion = _arm(parameters, mounting, payload), random_motion(seed)
+    arm = _arm(parameters, mounting, payload)
+    motion = random_motion(seed) if result is None else _motion_of(result, component)
+    made = f"random_motion(seed={seed}): ten sinusoids a joint, 0.11 to 5 rad/s, 40 s"
+    made = made if result is None else f"{component} in {result}, taken as free motion"
     own = dissect(arm, motion)
     others = [dissect(parameter_set(name), motion) for name in CONFIGURATIONS]
-    parts = [sections.own_dissection(own, motion), sections.all_dissections(others), sections.observations(others)]
-    made = {"motion": f"random_motion(seed={seed}): ten sinusoids a joint, 0.11 to 5 rad/s, 40 s"}
-    report = Report(f"Dynamic dissection: {arm.name}", _dissect_verdict(own), parts, _provenance(arm) | made)
+    first = sections.own_dissection(own, motion, made)
+    parts = [first, sections.all_dissections(others), sections.observations(others)]
+    origin = _provenance(arm) | {"motion": made}
+    report = Report(f"Dynamic dissection: {arm.name}", _dissect_verdict(own), parts, origin)
     _finish(report, out, _share_lines(own))
 
 
@@ -94,6 +104,19 @@ def _arm(name: str, mounting: Mounting | None, payload: float) -> ParameterSet:
     if not 0 <= payload < inf:
         raise InputError(Problem("--payload", "a mass in kg, zero or more", repr(payload)))
     return with_payload(params, payload) if payload else params
+
+
+def _motion_of(path: Path, component: str) -> Motion:
+    """The motion of one arm in a result file. Raises InputError where it is not in there."""
+    from cosim.results import read_h5
+
+    result = read_h5(path)
+    arms = sorted(name.removesuffix(".dq[3]") for name in result.signals if name.endswith(".dq[3]"))
+    if component not in arms or f"{component}.q[3]" not in result.signals:
+        advice = f"--component NAME; {did_you_mean(component, arms)}".rstrip("; ")
+        wanted = f"q and dq of an arm named {component!r}"
+        raise InputError(Problem(str(path), wanted, ", ".join(arms) or "no arm", advice))
+    return sampled_motion(result.time, result.vector(f"{component}.q"), result.vector(f"{component}.dq"))
 
 
 def _check_lengths(tool: float, distance: float, lever: float) -> None:

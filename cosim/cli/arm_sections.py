@@ -108,7 +108,7 @@ def _definite_cells(params: ParameterSet) -> tuple[object, ...]:
     return yaw, pose, block, linked.positive, round(100 * linked.negative_share, 1), without
 
 
-def own_dissection(found: Dissection, motion: Motion) -> Section:
+def own_dissection(found: Dissection, motion: Motion, made: str) -> Section:
     """Shares and sizes of the five terms of one arm, and their course."""
     from cosim.plots.arm import dissection_figure
 
@@ -116,11 +116,13 @@ def own_dissection(found: Dissection, motion: Motion) -> Section:
     header = ("term", *(f"joint {j} [%]" for j in (1, 2, 3)), *(f"joint {j} RMS [mN m]" for j in (1, 2, 3)))
     fastest = ", ".join(f"{value:.2f}" for value in np.abs(motion.dq).max(axis=0))
     text = (
-        f"Free random motion inside box and linkage; fastest joint rates {fastest} rad/s (Taati: 3.5 rad/s). Share: "
-        "mean absolute value of a term over the sum of the five. The shares of gravity and inertia depend on pose and "
-        "speed."
+        f"Motion: {made}. Fastest joint rates {fastest} rad/s (Taati: 3.5 rad/s). Share: mean absolute value of a "
+        "term over the sum of the five. The shares of gravity and inertia depend on pose and speed."
     )
-    figure = Figure(dissection_figure(found, 20.0), "The five terms over the first 20 s, like Taati Fig. 10.")
+    figure = Figure(
+        dissection_figure(found, min(20.0, float(found.time[-1]))),
+        "The five terms over the first 20 s, like Taati Fig. 10.",
+    )
     return Section("This arm", text, [Table(header, rows)], [figure])
 
 
@@ -131,7 +133,10 @@ def all_dissections(found: list[Dissection]) -> Section:
     rows = [(d.name, joint + 1, *_rounded(100 * d.share[:, joint])) for joint in range(3) for d in found]
     figures = [
         Figure(shares_figure(found), "Shares of the five identified configurations, same motion."),
-        Figure(joint_dissections_figure(found, 2, 20.0), "Joint 3 of the five configurations, like Taati Fig. 11."),
+        Figure(
+            joint_dissections_figure(found, 2, min(20.0, float(found[0].time[-1]))),
+            "Joint 3 of the five configurations, like Taati Fig. 11.",
+        ),
     ]
     table = Table(("set", "joint", *(f"{name} [%]" for name in TERMS)), rows)
     return Section("All configurations", "", [table], figures)

@@ -67,7 +67,7 @@ def prescribed(params, excitation, duration=60.0, noise=0.0, seed=0, resolution=
     return time, counted(q, resolution) if resolution is not None else q, tau
 
 
-def controlled(params, excitations, duration=60.0, stiffness=2.0, damping=0.08, substeps=4, resolution=ENCODER):
+def controlled(params, excitations, duration=60.0, stiffness=2.0, damping=0.08, substeps=2, resolution=ENCODER):
     """time (n,), q read and tau (n, runs, 3): PD control at 1 kHz on read angles, torque held over the sample."""
     step = 1e-3
     time = np.arange(int(round(duration / step))) * step

@@ -95,7 +95,7 @@ def _linear_limits(device: str, names: tuple[str, ...]) -> tuple[np.ndarray, np.
     rows = [np.eye(len(names))[names.index(name)] for name in floor]
     bounds = list(floor.values())
     if device == "phantom":
-        poses = LINKED.clip(np.stack(np.meshgrid(0.0, np.linspace(-1.01, 2.01, 40), np.linspace(-0.45, 2.93, 40)), -1).reshape(-1, 3))
+        poses = LINKED.clip(np.stack(np.meshgrid(0.0, np.linspace(-1.01, 2.01, 22), np.linspace(-0.45, 2.93, 22)), -1).reshape(-1, 3))
         _, q2, q3 = np.unique(poses.round(6), axis=0).T
         grid = np.zeros((len(q2), len(names)))
         grid[:, :4] = np.stack([np.ones_like(q2), np.cos(2 * q2), np.cos(2 * q3), np.cos(q2) * np.sin(q3)], axis=1)

@@ -8,11 +8,14 @@ from cosim.errors import InputError, Problem
 from cosim.identify.estimate import Estimate, estimate
 from cosim.identify.identifiability import Identifiability, identifiability
 from cosim.identify.intervals import Spread, spread
-from cosim.identify.method import KeepAll, Method, suggested, taati
+from cosim.identify.method import Method, suggested, taati
 from cosim.identify.stack import Stack, coulomb_name, everything, stack, without
 from cosim.measured.recording import Recording
 
 TYPICAL = {"d": 1e-3, "g": 0.05, "viscous": 1e-3, "coulomb": 0.01, "slow": 0.01}  # sizes for a PHANToM, from Taati Table 1
+
+
+STILL = 30.0  # counts: a joint that moves less is taken as still
 
 
 @frozen
@@ -186,8 +189,10 @@ def _outside(full: Stack) -> list[str]:
 
 
 def unexcited(found: Identification) -> tuple[str, ...]:
-    """Names that the motion did not excite: dependent columns, and PHANToM parameters wider than their usual size."""
+    """Names that the motion did not excite: dependent columns, joints that hardly left their encoder's counts, and PHANToM
+    parameters whose interval is wider than their usual size."""
     names = list(found.identifiability.unexcited)
+    names += [name for name in _of_still_joints(found) if name not in names]
     if found.recording.device == "phantom":
         for parameter in found.parameters:
             family = parameter.name.split("[")[0].rstrip("12345678")
@@ -197,14 +202,29 @@ def unexcited(found: Identification) -> tuple[str, ...]:
     return tuple(names)
 
 
-def on_all_rows(method: Method) -> Method:
-    """The same method with no rows left out."""
-    return evolve(method, name=f"{method.name}, all rows", reversals=KeepAll())
+def _of_still_joints(found: Identification) -> list[str]:
+    """Parameters that only the motion of a still joint shows. There the columns are the encoder's noise, and least squares
+    is sure of a wrong value (errors in variables)."""
+    own = {0: ("d1", "d2", "d3"), 1: ("d5",), 2: ("d6",)} if found.recording.device == "phantom" else {0: ("inertia",)}
+    names = []
+    for joint in range(len(found.recording.joints)):
+        if counts(found.recording, joint) < STILL:
+            label = f"[{joint + 1}]" if found.recording.device == "phantom" else ""
+            names += [*own[joint], f"viscous{label}", f"coulomb{label}"]
+    return [name for name in names if name in found.stack.names]
+
+
+def counts(recording: Recording, joint: int) -> float:
+    """Standard deviation of a joint's position in steps of its own column, the smallest change that is often there."""
+    q = np.concatenate([run.q[:, joint] for run in recording.runs])
+    steps = np.abs(np.diff(q))
+    steps = steps[steps > 1e-9 * max(np.ptp(q), 1e-30)]
+    return float(np.std(q) / np.quantile(steps, 0.05)) if len(steps) else 0.0
 
 
 def without_friction(found: Identification) -> np.ndarray:
     """Parameters (p,) of the same model fitted with no friction columns (they are zero): Taati's Figs. 4 and 5."""
-    rigid = [k for k in found.identifiability.base if not found.stack.names[k].startswith(("viscous", "coulomb"))]
+    rigid = [k for k in found.identifiability.base if not found.stack.names[k].startswith(("viscous", "coulomb", "slow"))]
     part = evolve(found.stack, y=found.stack.y[:, :, rigid], names=tuple(found.stack.names[k] for k in rigid))
     fitted = estimate(part, evolve(found.method, physical=False), found.recording.device)
     return _spread_out(fitted.params, tuple(rigid), len(found.params))

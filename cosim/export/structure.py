@@ -1,7 +1,8 @@
 """The wired scenario as an SSP 1.0 archive: structure, FMUs, parameter values (SSP 1.0, Modelica Association, 2019).
 
 Parameter values stand at their component, because some tools drop those of the system, and are compiled into the
-component's own FMU too, because some (libcosim) know no enumerations. The structure has no place for the master's
+component's own FMU too, because some (libcosim) know no enumerations; so are the values that its inputs have at the
+start, because some carry them over in one pass only. The structure has no place for the master's
 algorithm; an annotation of the Open Simulation Platform names the communication step.
 """
 
@@ -11,6 +12,7 @@ from xml.etree import ElementTree as xml
 
 from cosim.errors import RunError
 from cosim.fmu import describe, fmu_file
+from cosim.master import run
 from cosim.scenario import with_parameters
 from cosim.signals import Description, Unit, Variable
 from cosim.wiring import Wiring
@@ -41,19 +43,29 @@ def write_ssp(wiring: Wiring, path: Path, platforms: Sequence[str] | None = None
     return path
 
 
-def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None) -> dict[str, Path]:
-    """An FMU of FMI 2.0 for every component; those of our models have the component's start values compiled in."""
+def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: int = 2) -> dict[str, Path]:
+    """An FMU for every component; those of our models have parameters and inputs at t = 0 compiled in as start values."""
     from build_fmus import BuildError, fmu_path
 
-    scenario = with_parameters(wiring.scenario, {"experiment.fmi": 2})
+    inputs = _first_inputs(wiring)
+    scenario = with_parameters(wiring.scenario, {"experiment.fmi": fmi})
     fmus = {}
     for name, component in scenario.components.items():
         try:
-            fmus[name] = (fmu_path(component.model, 2, platforms, start=_numbers(wiring.starts[name])) if component.model
+            fmus[name] = (fmu_path(component.model, fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name]) if component.model
                           else fmu_file(component, scenario))  # fmt: skip
         except BuildError as error:
             raise RunError(name, None, f"cannot be built: {error}") from None
     return fmus
+
+
+def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
+    """The values of each component's wired inputs at t = 0."""
+    first = run(with_parameters(wiring.scenario, {"experiment.stop": wiring.scenario.experiment.step}))
+    values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}
+    for link in wiring.links:
+        values[link.target.component][link.target.variable] = float(first.signals[str(link.source)][0])
+    return values
 
 
 def _numbers(starts: Mapping[str, float | str]) -> dict[str, float]:

@@ -1,0 +1,29 @@
+"""`cosim export`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from cosim.cli.run import DEMONSTRATION
+
+
+def command(
+    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
+    platform: Annotated[Optional[list[str]], typer.Option(help="platform of the binaries, FMI 3 name; may be repeated; `all`")] = None,
+    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")] = None,
+    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    out: Annotated[Path, typer.Option(help="folder to write to")] = Path("export"),
+) -> None:
+    """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
+    from build_fmus.compiler import PLATFORMS
+    from cosim.cli.run import prepare
+    from cosim.export.export import export
+
+    wiring = prepare(scenario, set_ or [], effects)
+    chosen = list(PLATFORMS) if platform == ["all"] else platform
+    written = export(wiring, out, chosen, lambda text: print(text, file=sys.stderr))
+    print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {out / 'fmi2'} and {out / 'fmi3'}")
+    print(f"{written.ssp}: the wired system (SSP 1.0)")
+    print("\n".join(f"{path}: the wired system as one FMU" for path in written.containers))

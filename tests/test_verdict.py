@@ -127,7 +127,7 @@ def test_poles_of_a_known_sum_of_exponentials():
 
 def test_limit_cycle_and_ends_of_runs():
     time = np.arange(0.0, 100.0, 0.05)
-    size = 1.0 / np.sqrt(1.0 + 40.0 * np.exp(-0.2 * time))  # Stuart-Landau: settles on amplitude 1
+    size = 1.0 / np.sqrt(1.0 + 40.0 * np.exp(-0.14 * time))  # Stuart-Landau: settles on amplitude 1
     y = np.column_stack([size * np.sin(2 * time), 2 * size * np.cos(2 * time), 0 * time, 0 * time])
     late = np.column_stack([size * np.sin(2 * time + 1e-6), 2 * size * np.cos(2 * time + 1e-6), 0 * time, 0 * time])
     assert judge(result(time, y), result(time, late)).outcome is Outcome.LIMIT_CYCLE

@@ -94,9 +94,9 @@ def outcome_of(found: Growth, result) -> Outcome:
 def self_sustained(result) -> bool:
     """True where the motion has settled on an oscillation of its own: a limit cycle.
 
-    In the last third of the run the operator's force is zero, the RMS of the joint rates stays the same within 3 % from each ninth of the run
-    to the next, above a thousandth of its maximum, and it was another (by 5 %) before: a linear loop on its boundary only keeps
-    the size it was given.
+    In the last third of the run the operator's force is zero, the RMS of the joint rates stays the same within 3 % from each ninth of the
+    run to the next, above a thousandth of its maximum, and it had grown to there (by 10 %) before. A linear loop near its
+    boundary keeps the size it was given, or goes on growing.
     """
     count = len(result.time)
     rates = _matrix(result.signals, "dq", count)
@@ -106,7 +106,7 @@ def self_sustained(result) -> bool:
     levels = np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(rates, 9)])
     peak, settled = np.max(np.abs(rates)), levels[6:].mean()
     steady = levels[6:].min() > 1e-3 * peak and peak > 1e-4 and np.ptp(levels[6:]) < 0.03 * settled
-    return bool(steady and np.max(np.abs(levels[2:6] - settled)) > 0.05 * settled)
+    return bool(steady and settled > 1.1 * levels[2:6].min())
 
 
 def _forced(signals: Mapping[str, np.ndarray], late: slice) -> bool:

@@ -1,0 +1,130 @@
+"""`cosim sweep`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+
+def command(
+    spec: Annotated[str, typer.Argument(help="name of a shipped sweep, or a TOML file")],
+    workers: Annotated[Optional[int], typer.Option(help="worker processes (default: one a core)")] = None,
+    dask: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")] = None,
+    out: Annotated[Optional[Path], typer.Option(help="folder for the results (default: results/SPEC); the same again: resumes")] = None,
+    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a fixed value; may be repeated")] = None,
+    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
+) -> None:
+    """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
+    from cosim.sweep.campaign import carry_out, first_point, task_of
+    from cosim.sweep.evaluate import check
+
+    sweep = _prepared(spec, set_ or [], effects)
+    folder = out or Path("results") / sweep.name
+    how = check(task_of(sweep), first_point(sweep))
+    print(f"{sweep.name}: {how}", file=sys.stderr)
+    folder.mkdir(parents=True, exist_ok=True)
+    staff, words = _staff(workers, dask)
+    try:
+        with staff, _meter(sweep.name) as tell:
+            campaign = carry_out(sweep, folder, staff, f"{how}; {words}", tell=tell)
+    except KeyboardInterrupt:
+        print(f"interrupted; what was computed is kept in {folder}: run the same command again to go on", file=sys.stderr)
+        sys.exit(130)
+    _write(campaign, folder, report)
+    print(_spoken(campaign, folder))
+
+
+def _prepared(spec: str, overrides: list[str], effects: Path | None):
+    from attrs import evolve
+
+    from cosim.scenario import parse_override
+    from cosim.sweep.spec import load_sweep
+
+    sweep = load_sweep(spec)
+    fixed = dict(sweep.set) | dict(parse_override(text) for text in overrides)
+    return evolve(sweep, set=fixed, effects=str(effects.resolve()) if effects else sweep.effects)
+
+
+def _staff(workers: int | None, dask: str | None):
+    """Who works, and that in words."""
+    import os
+
+    if dask:
+        from cosim.sweep.cluster import DaskPool
+
+        return DaskPool(dask), f"Dask cluster at {dask}"
+    from cosim.sweep.pool import LocalPool
+
+    count = workers or os.cpu_count() or 1
+    return LocalPool(count), f"{count} local process{'es' if count > 1 else ''}"
+
+
+class _meter:
+    """Points, rate and time left on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.bar, self.task, self.told = name, None, None, 0.0
+
+    def __enter__(self):
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn
+
+            self.bar = Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"),
+                                console=Console(stderr=True), transient=True)  # fmt: skip
+            self.bar.start()
+            self.task = self.bar.add_task(self.name, words="")
+        return self.tell
+
+    def tell(self, progress) -> None:
+        """Show how far the sweep is; the number of points grows while a boundary is traced."""
+        left = f"{progress.left:.0f} s left" if progress.left < 1e6 else ""
+        words = f"{progress.done} of {progress.asked} points, {progress.rate:.3g}/s {left}"
+        if self.bar is not None:
+            self.bar.update(self.task, completed=progress.done, total=progress.asked, words=words)
+        elif progress.wall - self.told > 10.0:
+            self.told = progress.wall
+            print(f"{self.name}: {words}", file=sys.stderr)
+
+    def __exit__(self, *_) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+
+def _write(campaign, folder: Path, report: bool) -> None:
+    """Table, report, and summary.json last, so that it stands for a complete folder."""
+    import json
+
+    from cosim.results import write_table
+    from cosim.sweep.table import columns, summary, units
+
+    write_table(columns(campaign), units(campaign), {"sweep": campaign.sweep.name, "scenario": campaign.sweep.scenario}, folder / "sweep.h5")
+    if report:
+        from cosim.plots.sweep import sweep_report
+        from cosim.report import write_report
+
+        write_report(sweep_report(campaign), folder / "report.html")
+    text = json.dumps(summary(campaign), indent=2, ensure_ascii=False, allow_nan=False)
+    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _spoken(campaign, folder: Path) -> str:
+    from collections import Counter
+
+    outcomes = Counter(f.outcome for f in campaign.findings)
+    said = ", ".join(f"{count} {name}" for name, count in sorted(outcomes.items()))
+    rows = [("points", f"{len(campaign.points)} ({campaign.known_before} known before): {said}")]
+    rows += [("executor", campaign.executor)]
+    for curve in campaign.curves[:10]:
+        where = _along(curve) if curve.lines and len(curve.lines[0][0]) == 1 else f"{len(curve.lines)} curve(s)"
+        audit = f", missed area below {100 * curve.audit.bound:.2g} % ({100 * curve.audit.level:g} % confidence)" if curve.audit else ""
+        rows += [(f"boundary {curve.label}".strip(), (where if curve.lines else "none in the range") + audit)]
+    rows += [("results", str(folder))]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+
+def _along(curve) -> str:
+    return ", ".join(f"{line[0][0]:.5g}" for line in curve.lines)

@@ -68,8 +68,8 @@ def intervals(found: Identification) -> str:
     ax = axes[0, 0]
     for line, p in enumerate(shown):
         half = (p.interval[1] - p.interval[0]) / 2 / p.std_white
-        ax.plot([-half, half], [line, line], color=BLUE, lw=2.2, label="correlation counted" if line == 0 else None)
-        ax.plot([-1.96, 1.96], [line, line], color=ORANGE, lw=4.5, alpha=0.8, label="white noise assumed" if line == 0 else None)
+        ax.plot([-1.96, 1.96], [line, line], color=ORANGE, lw=5, alpha=0.8, label="white noise assumed" if line == 0 else None)
+        ax.plot([-half, half], [line, line], color=BLUE, lw=1.8, label="correlation counted" if line == 0 else None)
     ax.set_yticks(range(len(shown)), [p.name for p in shown])
     ax.invert_yaxis()
     ax.set_xlabel("half-width of the 95 % interval / white-noise standard deviation")

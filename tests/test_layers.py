@@ -10,7 +10,7 @@ MODULES = sorted((ROOT / "cosim").rglob("*.py"))
 
 # Lower layers first; a module may import from its own part or from the lines above, never from those below.
 LAYERS = [
-    ["errors", "outcome", "signals", "arm", "delays", "report", "plots.canvas"],  # a page and a canvas know nothing of the rest
+    ["errors", "outcome", "signals", "arm", "delays", "ssp", "report", "plots.canvas"],  # a page and a canvas know nothing of the rest
     ["scenario"],
     ["schedule", "slave"],
     ["wiring"],
@@ -29,7 +29,7 @@ LAYERS = [
 # Pages of a study are written beside the study and draw with its plots.
 PAGES = {("identify", "plots"), ("closure", "plots"), ("sweep", "plots"), ("stability", "plots")}
 HEAVY = {
-    "fmpy": {"fmu"}, "control": {"stability.margin"}, "h5py": {"results", "sweep.table", "table"}, "matplotlib": {"plots.canvas"},
+    "fmpy": {"fmu.description", "fmu.fmi2", "fmu.fmi3", "fmu.instance", "fmu.places", "export.container"}, "control": {"stability.margin"}, "h5py": {"results", "sweep.table", "table"}, "matplotlib": {"plots.canvas"},
     "jinja2": {"report"}, "dask": {"sweep.cluster"}, "distributed": {"sweep.cluster"}, "pyarrow": {"measured.reader"},
 }  # fmt: skip
 COMMANDS = [p for p in MODULES if p.parent.name == "cli" and (p.stem == "__init__" or "def command(" in p.read_text() or "typer.Typer(" in p.read_text())]

@@ -1,0 +1,15 @@
+"""FMUs from files, by fmpy: found or built, extracted once, described, loaded, and driven through preallocated arrays.
+
+The only part of cosim that imports fmpy. One call sets the inputs of an instance and one gets its outputs.
+"""
+
+from cosim.fmu.description import describe, descriptions
+from cosim.fmu.fmi2 import Fmi2Slave
+from cosim.fmu.fmi3 import Fmi3Slave
+from cosim.fmu.instance import FmuSlave
+from cosim.fmu.places import extracted, fmu_file, read_columns
+from cosim.fmu.system import FmuSet, load, open_system
+
+__all__ = [
+    "Fmi2Slave", "Fmi3Slave", "FmuSet", "FmuSlave", "describe", "descriptions", "extracted", "fmu_file", "load", "open_system", "read_columns",
+]  # fmt: skip

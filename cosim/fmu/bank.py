@@ -1,0 +1,48 @@
+"""Variables of one type behind one FMI call."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.signals import stem
+
+if TYPE_CHECKING:
+    from cosim.fmu.instance import FmuSlave
+
+
+def few(verb: str, names: Sequence[str]) -> str:
+    """`get y, w, ...`: what a call is about, in a few words."""
+    stems = list(dict.fromkeys(map(stem, names)))
+    return f"{verb.lower()} {', '.join(stems[:4])}{', ...' if len(stems) > 4 else ''}"
+
+
+class Bank:
+    """Variables of one type behind one FMI call; `array` are their doubles, `buffer` what the FMU sees."""
+
+    def __init__(self, call: Callable[[], int], what: str, array: np.ndarray, buffer: np.ndarray) -> None:
+        self.call, self.what, self.array, self.buffer = call, what, array, buffer
+        self.shared = buffer is array
+
+    def set(self, slave: FmuSlave) -> None:
+        if not self.shared:
+            self.buffer[:] = self.array
+        if (status := self.call()) > 1:
+            slave.check(status, self.what)
+
+    def get(self, slave: FmuSlave) -> None:
+        if (status := self.call()) > 1:
+            slave.check(status, self.what)
+        if not self.shared:
+            self.array[:] = self.buffer
+
+
+def caller(function, *arguments) -> Callable[[], int]:
+    return lambda: function(*arguments)
+
+
+def pointer_to(array: np.ndarray, kind) -> ctypes._Pointer:
+    return array.ctypes.data_as(ctypes.POINTER(kind))

@@ -1,0 +1,123 @@
+"""Instances of FMI 2.0."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from cosim.fmu.bank import Bank, caller, few, pointer_to
+from cosim.fmu.instance import LOADING, FmuSlave
+from cosim.fmu.places import extracted
+
+
+class Fmi2Slave(FmuSlave):
+    """An FMI 2.0 co-simulation instance."""
+
+    prefix = "fmi2"
+
+    def _load(self):
+        from fmpy import fmi2
+
+        self.callbacks = _callbacks(self)
+        with LOADING:
+            fmu = fmi2.FMU2Slave(
+                guid=self.description.token, modelIdentifier=self.description.identifier, instanceName=self.name,
+                unzipDirectory=str(extracted(Path(self.description.path))),
+            )  # fmt: skip
+            fmu.instantiate(callbacks=self.callbacks)
+        return fmu
+
+    def _kind(self, type_name: str) -> str:
+        return "Integer" if type_name == "Enumeration" else type_name
+
+    def _enter(self) -> None:
+        from fmpy.fmi1 import FMICallException
+
+        try:
+            self.fmu.setupExperiment(startTime=0.0)
+            self.fmu.enterInitializationMode()
+        except FMICallException as error:
+            raise self._error(str(error)) from None
+
+    def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> Bank:
+        buffer = array if kind == "Real" else np.zeros(len(names), dtype=np.int32)
+        pointer = pointer_to(buffer, ctypes.c_double if kind == "Real" else ctypes.c_int)
+        function = self.function(verb + kind)
+        call = caller(function, self.component, self.references(names), len(names), pointer)
+        return Bank(call, few(verb, names), array, buffer)
+
+    def _wire_slopes(self) -> None:
+        if self.sloped:
+            function = self.function("SetRealInputDerivatives")
+            orders = (ctypes.c_int * len(self.sloped))(*[1] * len(self.sloped))
+            pointer = pointer_to(self.slopes, ctypes.c_double)
+            call = caller(function, self.component, self.slope_references(), len(self.sloped), orders, pointer)
+            self.setters.append(Bank(call, "set input derivatives", self.slopes, self.slopes))
+
+    def slope_references(self):
+        return self.references(self.sloped)
+
+    def step(self, time: float, size: float) -> bool:
+        self.time = time
+        going = self.judge(self.function("DoStep")(self.component, time, size, 1))
+        self.time = time + size
+        return going
+
+    def judge(self, status: int) -> bool:
+        if status == 2:
+            return self._discarded()
+        self.check(status, "step")
+        return True
+
+    def _discarded(self) -> bool:
+        """False where the FMU wants the run to end; else an error with the time that it reached."""
+        try:
+            if self.fmu.getBooleanStatus(3):
+                return False
+            reached = f"reached t = {self.fmu.getRealStatus(2):.9g} s only"
+        except Exception:  # status functions are optional, and fmpy raises for each that is missing
+            reached = "reached part of it only"
+        raise self._error(f"step discarded, {reached}")
+
+
+_SPEAKERS: WeakValueDictionary[int, FmuSlave] = WeakValueDictionary()  # by the environment that an FMU hands to its logger
+
+
+def _callbacks(slave: FmuSlave):
+    """Callbacks for FMI 2.0 whose logger finds the slave by the component environment.
+
+    All instances share one logger, which lives as long as the process: fmpy's compiled helper, which fills in the printf
+    marks of a message, remembers only the logger that it was given last.
+    """
+    from fmpy import calloc, fmi2, free
+
+    callbacks = fmi2.fmi2CallbackFunctions()
+    callbacks.logger = _logger2()
+    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+    callbacks.componentEnvironment = id(slave)
+    _SPEAKERS[id(slave)] = slave
+    try:
+        from fmpy.logging import addLoggerProxy
+
+        addLoggerProxy(ctypes.byref(callbacks))
+    except (ImportError, OSError, AttributeError):
+        pass  # without fmpy's compiled helper, messages keep their printf marks
+    return callbacks
+
+
+@cache
+def _logger2():
+    from fmpy import fmi2
+
+    def hear(environment, name, status, category, text) -> None:
+        slave = _SPEAKERS.get(environment)
+        if slave is not None:
+            slave._log(status, text)
+
+    return fmi2.fmi2CallbackLoggerTYPE(hear)

@@ -1,0 +1,174 @@
+"""What the instances of both FMI versions have in common."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cosim.errors import RunError
+from cosim.fmu.bank import Bank, pointer_to
+from cosim.signals import Description
+from cosim.slave import Slave
+
+LOADING = threading.Lock()  # fmpy changes the working directory while it loads a library
+
+
+class FmuSlave(Slave):
+    """An instance of an FMU, FMI 2.0 or 3.0; errors carry its name, its time and the FMU's own words."""
+
+    prefix = ""
+
+    def __init__(self, name: str, description: Description) -> None:
+        super().__init__(name, description)
+        self.messages: deque[str] = deque(maxlen=8)
+        self.fmu = self._load()
+        self.fresh = True
+        self.setters: list[Bank] = []
+        self.getters: list[Bank] = []
+
+    # what the two versions do differently
+
+    def _load(self):
+        """Load the library and instantiate."""
+        raise NotImplementedError
+
+    def _enter(self) -> None:
+        """Enter initialisation mode at t = 0."""
+        raise NotImplementedError
+
+    def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> Bank:
+        """A bank of variables of one type, over a part of an array of doubles."""
+        raise NotImplementedError
+
+    # what they have in common
+
+    @property
+    def component(self):
+        """The FMI instance pointer."""
+        return self.fmu.component
+
+    def function(self, name: str):
+        """An FMI function of the library, `DoStep` for fmi2DoStep, with argument types set."""
+        return self.fmu._functions[self.prefix + name]
+
+    def address(self, name: str) -> int:
+        """Address of an FMI function, for compiled executors."""
+        return ctypes.cast(self.function(name), ctypes.c_void_p).value
+
+    def references(self, names: Sequence[str]):
+        """Value references as a ctypes array."""
+        return (ctypes.c_uint * len(names))(*[self.description.variables[n].reference for n in names])
+
+    def wire(self, inputs: Sequence[str], sloped: Sequence[str], outputs: Sequence[str]) -> None:
+        if (tuple(inputs), tuple(outputs), tuple(sloped)) == (self.input_names, self.output_names, getattr(self, "sloped", None)):
+            return
+        super().wire(inputs, sloped, outputs)
+        self.sloped = tuple(sloped)
+        self.setters = self._banks("Set", inputs, self.inputs)
+        self.getters = self._banks("Get", outputs, self.outputs)
+        self._wire_slopes()
+
+    def _wire_slopes(self) -> None:
+        raise NotImplementedError
+
+    def slope_references(self):
+        """Value references that slopes are set by, as a ctypes array."""
+        raise NotImplementedError
+
+    def judge(self, status: int) -> bool:
+        """What the status of a doStep means: True to go on, False to end the run; RunError where it failed."""
+        raise NotImplementedError
+
+    def _banks(self, verb: str, names: Sequence[str], array: np.ndarray) -> list[Bank]:
+        banks, first = [], 0
+        kinds = [self._kind(self.description.variables[name].type) for name in names]
+        while first < len(names):
+            last = first
+            while last < len(names) and kinds[last] == kinds[first]:
+                last += 1
+            banks.append(self._bank(verb, kinds[first], names[first:last], array[first:last]))
+            first = last
+        return banks
+
+    def _kind(self, type_name: str) -> str:
+        return type_name
+
+    def start(self, values: Mapping[str, float | str]) -> None:
+        self.messages.clear()
+        self.time = 0.0
+        if not self.fresh:
+            self.check(self.function("Reset")(self.component), "reset")
+        self.fresh = False
+        for kind, names in _by_kind(values, self).items():
+            self._set_values(kind, names, [values[name] for name in names])
+        self._enter()
+
+    def _set_values(self, kind: str, names: Sequence[str], values: Sequence[float | str]) -> None:
+        """Set start values of one type."""
+        from fmpy.fmi1 import FMICallException
+
+        try:
+            setter = getattr(self.fmu, "set" + kind)
+            numbers = [v if isinstance(v, str) else float(v) if kind in ("Real", "Float64", "Float32") else int(v) for v in values]
+            setter([self.description.variables[n].reference for n in names], numbers)
+        except FMICallException:
+            raise self._error(f"refuses start values of {', '.join(names)}") from None
+
+    def begin(self) -> None:
+        self.check(self.function("ExitInitializationMode")(self.component), "initialisation")
+
+    def set(self) -> None:
+        for bank in self.setters:
+            bank.set(self)
+
+    def get(self) -> None:
+        for bank in self.getters:
+            bank.get(self)
+
+    def jacobian(self, unknowns: Sequence[str], knowns: Sequence[str]) -> np.ndarray:
+        """Partial derivatives (unknowns, knowns) of outputs and state derivatives at the present state, by the FMU itself.
+
+        Raises RunError where the FMU gives no directional derivatives.
+        """
+        found, column = np.zeros((len(unknowns), len(knowns))), np.zeros(len(unknowns))
+        call, rows, seed = self.function("GetDirectionalDerivative"), self.references(unknowns), np.ones(1)
+        double = ctypes.c_double
+        for k, known in enumerate(knowns):
+            sizes = (1,) if self.prefix == "fmi2" else (1, pointer_to(seed, double), 1)
+            arguments = [self.component, rows, len(unknowns), self.references([known]), *sizes]
+            arguments += [pointer_to(seed, double), pointer_to(column, double)] if self.prefix == "fmi2" else [pointer_to(column, double), len(unknowns)]
+            self.check(call(*arguments), f"directional derivative by {known}")
+            found[:, k] = column
+        return found
+
+    def close(self) -> None:
+        if self.fmu is not None:
+            fmu, self.fmu = self.fmu, None
+            fmu.freeInstance()
+
+    def check(self, status: int, what: str) -> None:
+        """Raise RunError, with the FMU's own words, for a status above warning."""
+        if status > 1:
+            raise self._error(f"{what} failed ({_STATUS.get(status, status)})")
+
+    def _error(self, what: str) -> RunError:
+        words = "; ".join(dict.fromkeys(self.messages))
+        return RunError(self.name, self.time, f"{words} [{what}]" if words else what)
+
+    def _log(self, status: int, text: bytes | None) -> None:
+        if status > 0 and text:
+            self.messages.append(text.decode("utf-8", "replace").strip())
+
+
+_STATUS = {2: "discarded", 3: "error", 4: "fatal error", 5: "pending"}
+
+
+def _by_kind(values: Mapping[str, float | str], slave: FmuSlave) -> dict[str, list[str]]:
+    kinds: dict[str, list[str]] = {}
+    for name in values:
+        kinds.setdefault(slave._kind(slave.description.variables[name].type), []).append(name)
+    return kinds

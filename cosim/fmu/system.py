@@ -1,0 +1,83 @@
+"""The FMUs of a scenario, loaded."""
+
+from __future__ import annotations
+
+from attrs import frozen
+
+from cosim.errors import RunError
+from cosim.fmu.description import descriptions
+from cosim.fmu.fmi2 import Fmi2Slave
+from cosim.fmu.fmi3 import Fmi3Slave
+from cosim.fmu.instance import FmuSlave
+from cosim.fmu.places import Progress
+from cosim.scenario import Scenario
+from cosim.signals import Description
+from cosim.wiring import Wiring, restarted, wire
+
+
+@frozen
+class _Wired:
+    """The wiring of a scenario and what it depends on, kept between runs."""
+
+    scenario: Scenario
+    wiring: Wiring
+
+
+class FmuSet:
+    """FMUs of a scenario, loaded once and reset between runs; a context manager (see cosim.master.System)."""
+
+    def __init__(self, scenario: Scenario, progress: Progress | None = None) -> None:
+        self.progress = progress
+        self.loaded: dict[str, FmuSlave] = {}
+        self.last: _Wired | None = None
+        self.wiring(scenario)
+
+    def wiring(self, scenario: Scenario) -> Wiring:
+        """The checked wiring of a scenario; scenarios may differ from run to run in anything. Raises InputError."""
+        if self.last is None or self.last.scenario != scenario or self.last.scenario.folder != scenario.folder:
+            wiring = restarted(self.last.wiring, scenario) if self.last else None
+            self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
+        return self.last.wiring
+
+    def slaves(self, wiring: Wiring) -> list[FmuSlave]:
+        """An instance for each component, in the order of the scenario; loaded where it was not yet. Raises RunError."""
+        return [self._slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
+
+    def _slave(self, name: str, description: Description) -> FmuSlave:
+        slave = self.loaded.get(name)
+        if slave is None or slave.description.sha256 != description.sha256:
+            if slave is not None:
+                slave.close()
+            self.loaded[name] = load(name, description)
+        return self.loaded[name]
+
+    def close(self) -> None:
+        """Free every instance."""
+        for slave in self.loaded.values():
+            slave.close()
+        self.loaded.clear()
+
+    def __enter__(self) -> FmuSet:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+
+def load(name: str, description: Description) -> FmuSlave:
+    """Load the library of an FMU and instantiate it under the given name. Raises RunError."""
+    kind = Fmi3Slave if description.fmi.startswith("3") else Fmi2Slave
+    try:
+        return kind(name, description)
+    except RunError:
+        raise
+    except Exception as error:  # fmpy raises bare exceptions: no binary for this platform, wrong token, ...
+        raise RunError(name, None, f"cannot be loaded: {error}") from None
+
+
+def open_system(scenario: Scenario, progress: Progress | None = None) -> FmuSet:
+    """Check a scenario against its FMUs and be ready to load them; use as a context manager.
+
+    Raises InputError with every problem found, RunError where an FMU cannot be built.
+    """
+    return FmuSet(scenario, progress)

@@ -10,7 +10,7 @@ from build_fmus.cache import builder_code, cache_folder, key_of, store, workspac
 from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
 from build_fmus.description import describe
 from build_fmus.documentation import index_html
-from build_fmus.errors import BuildError
+from build_fmus.errors import BadRequest, BuildError
 from build_fmus.header import header
 from build_fmus.sources import GENERATED, licence, model_files, models, readme_of, source_root
 from build_fmus.table import Table, load_table, override, suggestion
@@ -54,7 +54,7 @@ def fmu_path(
     Raises BuildError for an unknown model, platform or variable, and where it cannot be built.
     """
     if model not in models():
-        raise BuildError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
+        raise BadRequest(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
     table = load_table(source_root() / model / "model.toml")
     if table.model.name != model:
         raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
@@ -66,7 +66,7 @@ def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
     chosen = tuple(platforms) if platforms else (this_platform(),)
     unknown = [p for p in chosen if p not in PLATFORMS]
     if unknown:
-        raise BuildError(
+        raise BadRequest(
             f"no platform {p!r}{suggestion(p, PLATFORMS)}; there are {', '.join(PLATFORMS)}" for p in unknown
         )
     return tuple(p for p in PLATFORMS if p in chosen)
@@ -75,7 +75,7 @@ def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
 def build(job: Job, progress: Progress | None = None) -> Path:
     """The FMU of a job, from the cache or built now."""
     if job.fmi not in (2, 3):
-        raise BuildError(f"FMI version is 2 or 3, not {job.fmi}")
+        raise BadRequest(f"FMI version is 2 or 3, not {job.fmi}")
     compiler, folder = find_compiler(), cache_folder()
     sources = source_files(job)
     path = folder / "fmus" / _key(job, sources, compiler) / f"{job.model}.fmu"

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from build_fmus.errors import BuildError
+from build_fmus.errors import BadRequest, BuildError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -30,11 +30,16 @@ def build_fmus(
     try:
         for line in build_all(model or [], [fmi] if fmi else [2, 3], platform or [], out):
             print(line)
-    except BuildError as error:
+    except (BuildError, KeyboardInterrupt) as error:
         if debug:
             raise
-        print(f"build-fmus: {error}", file=sys.stderr)
-        raise typer.Exit(2) from error
+        print(f"build-fmus: {str(error) or 'interrupted'}", file=sys.stderr)
+        raise typer.Exit(_exit_code(error)) from error
+
+
+def _exit_code(error: BaseException) -> int:
+    """2: what was asked for does not exist; 1: it cannot be built here; 130: interrupted."""
+    return 130 if isinstance(error, KeyboardInterrupt) else 2 if isinstance(error, BadRequest) else 1
 
 
 def build_all(wanted: list[str], versions: list[int], platforms: list[str], out: Path) -> list[str]:
@@ -50,8 +55,11 @@ def build_all(wanted: list[str], versions: list[int], platforms: list[str], out:
         built = fmu_path(name, version, platforms, lambda text: print(text, file=sys.stderr, flush=True))
         return copy(built, out / f"fmi{version}" / f"{name}.fmu")
 
-    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
+    pool = ThreadPoolExecutor(min(4, os.cpu_count() or 1))
+    try:
         return list(pool.map(one, pairs))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def copy(built: Path, target: Path) -> str:
@@ -62,10 +70,17 @@ def copy(built: Path, target: Path) -> str:
     return f"{target}  {len(data) / 1024:.0f} kB"
 
 
+def platforms_apart(words: list[str]) -> list[str]:
+    """`--platform A B` as `--platform A --platform B`; only names of platforms count, since models may follow."""
+    from build_fmus.compiler import PLATFORMS
+
+    result: list[str] = []
+    for word in words:
+        again = word in PLATFORMS and result[-2:-1] == ["--platform"]
+        result += ["--platform", word] if again else [word]
+    return result
+
+
 def main() -> None:
-    """Entry point. Exit codes: 0 done, 2 bad input or no way to build, 130 interrupted."""
-    try:
-        app()
-    except KeyboardInterrupt:
-        print("build-fmus: interrupted", file=sys.stderr)
-        sys.exit(130)
+    """Entry point. Exit codes: 0 done, 1 it cannot be built here, 2 bad input, 130 interrupted."""
+    app(args=platforms_apart(sys.argv[1:]), prog_name="build-fmus")

@@ -146,7 +146,7 @@ def initial_dependencies(table: Table, s: Scalar) -> list[int]:
     parameters = [p.reference for p in table.of("parameter", "tunable") if p.variable.type == "Real"]
     inputs = _links(table, s, v.feedthrough) + _links(table, s, v.feedthrough_at_start)
     if s.reference in table.differentiated:
-        inputs += [i.reference for i in table.slopes] if v.feedthrough is None else []
+        inputs += [i.reference for i in table.slopes] if v.feedthrough is None and v.causality != "state" else []
     return sorted(set(parameters + inputs))
 
 

@@ -11,4 +11,8 @@ class BuildError(Exception):
         super().__init__("\n".join(self.problems))
 
     def __reduce__(self):
-        return BuildError, (self.problems,)
+        return type(self), (self.problems,)
+
+
+class BadRequest(BuildError):
+    """What was asked for does not exist: a model, platform, FMI version or variable (exit code 2)."""

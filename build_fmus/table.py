@@ -12,7 +12,7 @@ from typing import Literal
 import cattrs
 from attrs import evolve, field, fields, frozen
 
-from build_fmus.errors import BuildError
+from build_fmus.errors import BadRequest, BuildError
 from build_fmus.units import exponents
 
 Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
@@ -284,7 +284,7 @@ def override(table: Table, values: dict[str, float | list[float]]) -> Table:
     changed = evolve(table, variable=[_with_starts(v, rows[v.name]) for v in table.variable])
     problems += check(changed)
     if problems:
-        raise BuildError(f"{table.model.name}: {problem}" for problem in problems)
+        raise BadRequest(f"{table.model.name}: {problem}" for problem in problems)
     return changed
 
 

@@ -16,7 +16,7 @@ from probe import Importer, probe, probe_table
 from typer.testing import CliRunner
 
 from build_fmus import BuildError, cache, compiler, fmu_path, models, recording_fmu, start_values
-from build_fmus.cli import app
+from build_fmus.cli import app, platforms_apart
 from build_fmus.description import describe
 from build_fmus.sources import source_root
 from build_fmus.table import load_table, override
@@ -357,6 +357,18 @@ def test_the_command(tmp_path):
 def test_bad_input_exits_with_2(arguments, text, tmp_path):
     result = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
     assert result.exit_code == 2 and text in result.stderr
+
+
+def test_several_platforms_after_one_option():
+    assert platforms_apart(["M", "--platform", "x86_64-linux", "x86_64-windows", "--out", "d"]) == [
+        "M", "--platform", "x86_64-linux", "--platform", "x86_64-windows", "--out", "d",
+    ]  # fmt: skip
+
+
+def test_a_machine_without_compiler_exits_with_1(fresh_cache, monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    result = CliRunner().invoke(app, [SMALL, "--out", str(tmp_path)])
+    assert result.exit_code == 1 and "CC is" in result.stderr
 
 
 def test_states_and_derivatives_are_declared():

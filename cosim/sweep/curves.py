@@ -6,9 +6,9 @@ import numpy as np
 
 from cosim.stability.assessment import coupling, sides
 from cosim.stability.criteria import delay_sum, sallam_eq10
-from cosim.stability.linearisation import linearise
+from cosim.stability.linearisation import channel_bounds, linearise
 from cosim.stability.spectrum import abscissa
-from cosim.sweep.evaluate import _desk
+from cosim.sweep.evaluate import desk
 from cosim.sweep.points import point
 from cosim.sweep.pool import Task
 from cosim.sweep.spec import Axis, Choice, Sweep
@@ -23,31 +23,30 @@ def theory_curves(sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[st
     """
     if not sweep.curves:
         return {}
-    desk = _desk(task.scenario, task.effects)
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in sweep.curves}
     for share in np.linspace(0.0, 1.0, SAMPLES):
         at_x = x.number(float(share))
         for name in sweep.curves:
-            place = _zero(lambda s, n=name: _margin(n, desk, task, sweep, {x.name: at_x, y.name: y.number(s)} | dict(others)))
+            place = _zero(lambda s, n=name: _margin(n, task, sweep, {x.name: at_x, y.name: y.number(s)} | dict(others)))
             if place is not None:
                 found[name].append((at_x, y.number(place)))
     return found
 
 
-def _margin(name: str, desk, task: Task, sweep: Sweep, entries: Mapping[str, object | Choice]) -> float:
+def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, object | Choice]) -> float:
     """Negative where the condition holds."""
-    wiring = desk.wiring(task, point(sweep.axes, [entries[axis.name] for axis in sweep.axes]))
+    place = point(sweep.axes, [entries[axis.name] for axis in sweep.axes])
+    seat = desk(task, place)
+    wiring = seat.wiring(task, place)
     if name in ("delay_sum", "sallam_eq10"):
         pair = sides(wiring)
         if pair is None:
             return np.nan
-        from cosim.stability.linearisation import channel_bounds
-
         delays = [bounds[2] for bounds in channel_bounds(wiring).values()]
         criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), *delays)
         used = 0.5 * sum(delays) if name == "delay_sum" else float(np.hypot(*delays)) / np.sqrt(2.0)
         return used - criterion.max_delay
-    return abscissa(linearise(wiring.scenario, desk.system).system())
+    return abscissa(linearise(wiring.scenario, seat.system).system())
 
 
 def _zero(function, tolerance: float = 1e-4) -> float | None:

@@ -27,6 +27,7 @@ from cosim.stability.verdict import Verdict, judge
 from cosim.summary import tracking
 from cosim.sweep.points import Finding, Point
 from cosim.sweep.pool import Task
+from cosim.sweep.spec import SCENARIO
 from cosim.wiring import Wiring
 
 EVALUATORS: Mapping[str, str] = {name: f"cosim.sweep.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")}
@@ -43,7 +44,13 @@ class _Desk:
 
     def wiring(self, task: Task, point: Point) -> Wiring:
         """The checked wiring of the scenario at a point."""
-        return self.system.wiring(with_parameters(self.scenario, dict(task.set) | dict(point.values)))
+        values = {path: value for path, value in point.values if path != SCENARIO}
+        return self.system.wiring(with_parameters(self.scenario, dict(task.set) | values))
+
+
+def desk(task: Task, point: Point) -> _Desk:
+    """The loaded FMUs of the scenario that the point belongs to."""
+    return _desk(dict(point.values).get(SCENARIO, task.scenario), task.effects)
 
 
 @lru_cache(maxsize=4)
@@ -54,8 +61,7 @@ def _desk(scenario: str, effects: str | None) -> _Desk:
 
 def check(task: Task, point: Point) -> str:
     """How the points will be run, in words; raises InputError where the first point does not fit the scenario."""
-    desk = _desk(task.scenario, task.effects)
-    wiring = desk.wiring(task, point)
+    wiring = desk(task, point).wiring(task, point)
     if not task.evaluator.endswith(":simulation"):
         return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
             task.evaluator.partition(":")[2], task.evaluator)  # fmt: skip
@@ -65,33 +71,49 @@ def check(task: Task, point: Point) -> str:
 
 def simulation(task: Task, points: Sequence[Point]) -> list[Finding]:
     """Twin runs by the batch kernel where it applies, by FMUs elsewhere."""
-    desk = _desk(task.scenario, task.effects)
-    wirings = [desk.wiring(task, point) for point in points]
-    by_kernel = [k for k, wiring in enumerate(wirings) if _refusal(wiring) is None]
-    found: dict[int, Finding] = dict(zip(by_kernel, _batch(desk, [wirings[k] for k in by_kernel])))
-    for k, wiring in enumerate(wirings):
-        if k not in found:
-            found[k] = _simulated(desk, wiring)
-    return [found[k] for k in range(len(points))]
+    seats = [_Seat.of(task, point) for point in points]
+    by_kernel: dict[str, list[int]] = {}
+    for k, seat in enumerate(seats):
+        if _refusal(seat.wiring) is None:
+            by_kernel.setdefault(_lanes_key(seat.wiring), []).append(k)
+    found: dict[int, Finding] = {}
+    for places in by_kernel.values():
+        found |= zip(places, _batch([seats[k] for k in places]))
+    return [found[k] if k in found else _simulated(seat) for k, seat in enumerate(seats)]
 
 
 def cosimulation(task: Task, points: Sequence[Point]) -> list[Finding]:
     """Twin runs of FMUs."""
-    desk = _desk(task.scenario, task.effects)
-    return [_simulated(desk, desk.wiring(task, point)) for point in points]
+    return [_simulated(_Seat.of(task, point)) for point in points]
 
 
 def spectrum(task: Task, points: Sequence[Point]) -> list[Finding]:
     """Exact growth rate of the linearised loop at the start pose, for the mean delays."""
-    desk = _desk(task.scenario, task.effects)
     found = []
-    for point in points:
-        wiring = desk.wiring(task, point)
-        rate = abscissa(linearise(wiring.scenario, desk.system).system())
+    for seat in (_Seat.of(task, point) for point in points):
+        rate = abscissa(linearise(seat.wiring.scenario, seat.desk.system).system())
         outcome = Outcome.CONVERGED if rate < 0.0 else Outcome.GROWING
-        evidence = _evidence(desk, wiring, None, rate)
-        found.append(Finding(outcome.value, rate, rate, rate, evidence.value))
+        found.append(Finding(outcome.value, rate, rate, rate, _evidence(seat, None, rate).value))
     return found
+
+
+@frozen
+class _Seat:
+    """A point at its desk: the checked wiring."""
+
+    desk: _Desk
+    wiring: Wiring
+
+    @classmethod
+    def of(cls, task: Task, point: Point) -> "_Seat":
+        chosen = desk(task, point)
+        return cls(chosen, chosen.wiring(task, point))
+
+
+def _lanes_key(wiring: Wiring) -> str:
+    """What scenarios of one kernel batch have in common: components, connections, experiment."""
+    scenario = wiring.scenario
+    return repr((scenario.name, [(n, c.kind) for n, c in scenario.components.items()], scenario.experiment))
 
 
 def _refusal(wiring: Wiring) -> str | None:
@@ -110,44 +132,42 @@ def _signals(wiring: Wiring) -> list[str]:
     return list(dict.fromkeys(stem(n) for n in names + operator if wiring.descriptions[n.partition(".")[0]].integrates or n in operator))
 
 
-def _batch(desk: _Desk, wirings: Sequence[Wiring]) -> list[Finding]:
-    if not wirings:
-        return []
+def _batch(seats: Sequence[_Seat]) -> list[Finding]:
     from cosim.sweep.kernel import run_batch
 
-    twins = [desk.system.wiring(twin_of(wiring)) for wiring in wirings]
+    wirings = [seat.wiring for seat in seats]
+    twins = [seat.desk.system.wiring(twin_of(seat.wiring)) for seat in seats]
     results = run_batch([*wirings, *twins], _signals(wirings[0]))
-    pairs = zip(wirings, results[:len(wirings)], results[len(wirings):])
-    return [_finding(desk, wiring, result, twin) for wiring, result, twin in pairs]
+    return [_finding(*each) for each in zip(seats, results[:len(seats)], results[len(seats):])]
 
 
-def _simulated(desk: _Desk, wiring: Wiring) -> Finding:
+def _simulated(seat: _Seat) -> Finding:
+    wiring, system = seat.wiring, seat.desk.system
     record = [n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"]
-    result = run(wiring.scenario, desk.system, record=record)
-    if result.failure is not None:
-        raise result.failure
     twin = twin_of(wiring)
     if twin is None:
         raise RunError(wiring.scenario.name, None, "no arm whose start could be moved: no growth rate")
-    other = run(twin, desk.system, record=record)
-    if other.failure is not None:
-        raise other.failure
-    return _finding(desk, wiring, result, other)
+    results = [run(scenario, system, record=record) for scenario in (wiring.scenario, twin)]
+    for result in results:
+        if result.failure is not None:
+            raise result.failure
+    return _finding(seat, *results)
 
 
-def _finding(desk: _Desk, wiring: Wiring, result: Result, twin: Result) -> Finding:
+def _finding(seat: _Seat, result: Result, twin: Result) -> Finding:
     verdict: Verdict = judge(result, twin)
-    evidence = _evidence(desk, wiring, verdict.outcome)
+    evidence = _evidence(seat, verdict.outcome)
     apart = tracking(result)
     numbers = {"tracking_rmse": apart.total} if apart else {}
     numbers["simulated_time"] = float(result.time[-1])
     return Finding(verdict.outcome.value, verdict.growth_rate, *verdict.interval, evidence.value, numbers, result.message)
 
 
-def _evidence(desk: _Desk, wiring: Wiring, outcome: Outcome | None, rate: float | None = None) -> Evidence:
+def _evidence(seat: _Seat, outcome: Outcome | None, rate: float | None = None) -> Evidence:
     """The strongest evidence, the dear conditions only where the cheap ones leave it open."""
     if outcome in UNSTABLE:
         return Evidence.FALSIFIED
+    wiring = seat.wiring
     channels, pair = channel_bounds(wiring), sides(wiring)
     if pair is None or len(channels) != 2 or not complete(wiring):
         return strongest(outcome)
@@ -155,7 +175,7 @@ def _evidence(desk: _Desk, wiring: Wiring, outcome: Outcome | None, rate: float 
     compensated = all(side.compensated for side in pair)
     if compensated and delay_sum(coupling(pair), *longest).holds:
         return Evidence.ANY_MASS
-    loop = linearise(wiring.scenario, desk.system)
+    loop = linearise(wiring.scenario, seat.desk.system)
     family = loop.family()
     if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
         return Evidence.KNOWN_MASS

@@ -8,7 +8,7 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.outcome import Outcome
-from cosim.sweep.spec import Axis, Choice, Sweep
+from cosim.sweep.spec import SCENARIO, Axis, Choice, Sweep
 
 _GROWS = (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)
 
@@ -67,7 +67,7 @@ def replay(sweep: Sweep, where: Point) -> str:
     import shlex
 
     settings = dict(sweep.set) | dict(where.values)
-    words = ["cosim", "run", sweep.scenario]
+    words = ["cosim", "run", str(settings.pop(SCENARIO, sweep.scenario))]
     for path, value in settings.items():
         words += ["--set", f"{path}={json.dumps(value)}"]
     return shlex.join(words + (["--effects", sweep.effects] if sweep.effects else []))

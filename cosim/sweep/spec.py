@@ -10,7 +10,7 @@
     name = "delay"; unit = "s"; paths = ["channel_*.delay_mean"]; low = 0.1; high = 0.8; count = 9; scale = "linear"
     [[axes]]                          # or values = [..], or choices:
     name = "set"
-    choices = [{ label = "UR", set = { "arm_*.parameter_set" = "UR" } }]
+    choices = [{ label = "UR", set = { "arm_*.parameter_set" = "UR" } }]      # also: scenario = "sallam-joint"
     [grid]                            # exactly one of grid, random, boundary, level_set, monte_carlo
     [boundary]
     trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enumerated
@@ -27,6 +27,8 @@ from attrs import field, fields, frozen
 from cosim.errors import InputError, Problem, did_you_mean
 
 FORMAT = 1
+SCENARIO = "scenario"
+"""The path under which a choice names its scenario."""
 
 
 class Scale(Enum):
@@ -38,10 +40,11 @@ class Scale(Enum):
 
 @frozen
 class Choice:
-    """One entry of an axis of choices: a label and the values it sets."""
+    """One entry of an axis of choices: a label, the values it sets, and the scenario where it is another than the sweep's."""
 
     label: str
-    set: Mapping[str, object]
+    set: Mapping[str, object] = field(factory=dict)
+    scenario: str = ""
 
 
 @frozen
@@ -94,7 +97,9 @@ class Axis:
 
     def settings(self, entry: object) -> dict[str, object]:
         """Values at paths for an entry."""
-        return dict(entry.set) if isinstance(entry, Choice) else {path: entry for path in self.paths}
+        if not isinstance(entry, Choice):
+            return {path: entry for path in self.paths}
+        return dict(entry.set) | ({SCENARIO: entry.scenario} if entry.scenario else {})
 
 
 @frozen

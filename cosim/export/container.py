@@ -94,7 +94,7 @@ def _outer(name: str, inner, fmi: int):
     from fmpy.model_description import ModelVariable
 
     return ModelVariable(
-        name=name, type="Real" if fmi == 2 else "Float64", causality="output", variability="continuous", unit=inner.unit,
+        name=name, type="Real" if fmi == 2 else "Float64", causality="output", variability="continuous", unit=inner.unit, canHandleMultipleSetPerTimeInstant=False,
         description=inner.description,
     )  # fmt: skip
 
@@ -103,7 +103,7 @@ def _time(fmi: int):
     from fmpy.model_description import ModelVariable
 
     return ModelVariable(name="time", type="Real" if fmi == 2 else "Float64", causality="independent",
-                         variability="continuous", unit="s", description="simulated time")  # fmt: skip
+                         variability="continuous", unit="s", description="simulated time", canHandleMultipleSetPerTimeInstant=False)  # fmt: skip
 
 
 def _description(wiring: Wiring, variables, components, fmi: int):

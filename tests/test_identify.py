@@ -109,6 +109,17 @@ def test_a_motion_of_one_joint_excites_only_its_parameters():
     assert any("not determined" in text for text in found.warnings)
 
 
+def test_a_wrong_declaration_is_named():
+    """20 g at the tip that nobody declared: pi_d and pi_g move by g m L and m L^2, far outside the intervals."""
+    from cosim.arm.parameters import with_payload
+
+    bare = parameter_set("UR")
+    data = prescribed(with_payload(bare, 0.02).vector, taati(0), 20.0)
+    found = identify(recording(*data, parameters="declared", declared_pi=tuple(bare.pi)))
+    text = next(text for text in found.warnings if "declared parameters outside" in text)
+    assert "g7" in text and "g8" in text and "d5" in text
+
+
 def test_dependent_columns_are_regrouped():
     """Two equal regressor columns: rank one less, the dependent one named, the prediction unharmed."""
     time = np.arange(20_000) * 1e-3

@@ -34,7 +34,7 @@ def command(
     method = adjusted(suggested(recording), cutoff, velocity_cutoff, smooth_sign, robust, physical)
     print("identifying", file=sys.stderr)
     found, paper = identify(recording, method), identify_as_paper(recording)
-    reference = idim(recording, found.params)
+    reference = idim(recording, found.params[: len(paper.params)])
     out.mkdir(parents=True, exist_ok=True)
     (out / "identification.json").write_text(json.dumps(document(found, paper, reference), indent=1), encoding="utf-8")
     write_report(page(found, paper, reference), out / "report.html")

@@ -3,7 +3,7 @@
 import math
 from importlib.metadata import version
 
-from cosim.identify.idim import Idim
+from cosim.identify.idim import Fit, Idim
 from cosim.identify.identification import Identification, unexcited
 
 
@@ -42,10 +42,14 @@ def _parameters(found: Identification) -> list[dict]:
 def _idim(idim: Idim | None) -> dict | None:
     if idim is None:
         return None
+    return {"method": idim.text, **_fit(idim.published), "default_parameters_on_these_rows": _fit(idim.other),
+            "torque_recentred_by_half_a_sample": None if idim.recentred is None else _fit(idim.recentred)}  # fmt: skip
+
+
+def _fit(fit: Fit) -> dict:
     names = ("inertia", "viscous", "coulomb", "offset", "gravity_sin", "gravity_cos")
-    return {"method": idim.text, "parameters": dict(zip(names, idim.params, strict=False)),
-            "relative_error_percent": {"train": idim.train, "held_out": idim.held_out},
-            "default_parameters_on_these_rows": {"train": idim.other_train, "held_out": idim.other_held_out}}  # fmt: skip
+    return {"parameters": dict(zip(names, fit.params.tolist(), strict=False)),
+            "relative_error_percent": {"train": fit.train, "held_out": fit.held_out}}  # fmt: skip
 
 
 def _clean(value):

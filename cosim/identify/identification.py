@@ -176,7 +176,18 @@ def _doubts(found: Identification) -> list[str]:
         doubts.append(f"not determined by this motion (interval wider than the parameter's usual size): {', '.join(wide)}")
     if found.spread.blocks < 12:
         doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
-    return doubts + _outside(found.stack)
+    return doubts + _against_declared(found) + _outside(found.stack)
+
+
+def _against_declared(found: Identification) -> list[str]:
+    """Declared parameters that lie outside their intervals: a payload, a gain error, or a declaration that is wrong."""
+    description = found.recording.description
+    if description.parameters != "declared" or found.recording.device != "phantom":
+        return []
+    pairs = [(p, value) for p, value in zip(found.parameters, description.declared_pi, strict=False)]
+    outside = [p.name for p, value in pairs if not p.interval[0] <= value <= p.interval[1]]
+    text = f"declared parameters outside their 95 % intervals: {', '.join(outside)} (a payload, a gain error, or a wrong declaration)"
+    return [text] if outside else []
 
 
 def _outside(full: Stack) -> list[str]:

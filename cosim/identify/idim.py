@@ -6,7 +6,7 @@ squares with sgn(dq), all rows. The start-up of these filters at the first and l
 """
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.measured.recording import Recording, Run
 
@@ -14,17 +14,22 @@ CUTOFF, DROPPED, FACTOR = 100.0, 49, 10
 
 
 @frozen(eq=False)
-class Idim:
-    """params (inertia, viscous, coulomb, offset, gravity ...), relative errors [%] on training and held-out rows.
-
-    other_*: the errors of another parameter vector on exactly these rows, which makes two processings comparable.
-    """
+class Fit:
+    """params (inertia, viscous, coulomb, offset, gravity ...) and their relative errors [%] on training and held-out rows."""
 
     params: np.ndarray
     train: float
     held_out: float
-    other_train: float
-    other_held_out: float
+
+
+@frozen(eq=False)
+class Idim:
+    """published: as the authors do it; other: another parameter vector on exactly these rows; recentred: the authors' way with
+    the force as the mean over one sample either side of its stamp, which is what a digital controller's output is."""
+
+    published: Fit
+    other: Fit
+    recentred: Fit | None
     text: str = "IDIM-LS (Janot et al. 2019): Butterworth 4 at 100 Hz zero phase, decimated by 10, sgn(dq), all rows"
 
 
@@ -32,14 +37,35 @@ def idim(recording: Recording, other: np.ndarray) -> Idim | None:
     """IDIM-LS of an `axis` recording, beside the errors of the parameters `other`; None where the rate is too low for it."""
     if recording.device != "axis" or any(run.step > 1.3e-3 for run in recording.runs):
         return None
+    train, held = _rows(recording, False), _rows(recording, True)
+    if train is None:
+        return None
+    published = _fit(train, held)
+    centred = None
+    if not recording.description.torque_held:
+        middle = evolve(recording, runs=tuple(evolve(run, tau=_middle(run.tau)) for run in recording.runs))
+        centred = _fit(_rows(middle, False), _rows(middle, True))
+    return Idim(published, _judged(other, train, held), centred)
+
+
+def _middle(tau: np.ndarray) -> np.ndarray:
+    return np.concatenate([tau[:1], (tau[1:] + tau[:-1]) / 2])
+
+
+def _rows(recording: Recording, test: bool) -> tuple[np.ndarray, np.ndarray] | None:
+    """Decimated regressor (m, p) and force (m,) of the training or the held-out rows of all runs."""
     gravity = recording.description.gravity
-    train = [_decimated(run, rows, gravity) for run in recording.runs if (rows := _stretch(run.train)) is not None]
-    held = [_decimated(run, rows, gravity) for run in recording.runs if (rows := _stretch(run.test)) is not None]
-    y, tau = (np.concatenate(parts) for parts in zip(*train, strict=True))
-    params = np.linalg.lstsq(y, tau, rcond=None)[0]
-    y_held, tau_held = (np.concatenate(parts) for parts in zip(*held, strict=True)) if held else (y[:0], tau[:0])
-    return Idim(params, _error(y, tau, params), _error(y_held, tau_held, params), _error(y, tau, other),
-                _error(y_held, tau_held, other))  # fmt: skip
+    marked = [(run, _stretch(run.test if test else run.train)) for run in recording.runs]
+    parts = [_decimated(run, rows, gravity) for run, rows in marked if rows is not None]
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True)) if parts else None
+
+
+def _fit(train, held) -> Fit:
+    return _judged(np.linalg.lstsq(*train, rcond=None)[0], train, held)
+
+
+def _judged(params: np.ndarray, train, held) -> Fit:
+    return Fit(params, _error(*train, params), float("nan") if held is None else _error(*held, params))
 
 
 def _stretch(rows: np.ndarray) -> slice | None:
@@ -72,4 +98,4 @@ def _decimate(signal: np.ndarray) -> np.ndarray:
 
 def _error(y: np.ndarray, tau: np.ndarray, params: np.ndarray) -> float:
     """100 |tau - y params| / |tau| [%]."""
-    return float(100 * np.linalg.norm(tau - y @ params) / np.linalg.norm(tau)) if len(tau) else float("nan")
+    return float(100 * np.linalg.norm(tau - y @ params) / np.linalg.norm(tau))

@@ -53,8 +53,10 @@ def _known(found: Identification):
     """A published column to set beside a PHANToM's: name and its 14 values."""
     if found.recording.device != "phantom":
         return None
-    name = found.recording.description.configuration
-    return f"set {name}", parameter_set(name).vector
+    description = found.recording.description
+    if description.parameters == "declared":
+        return "declared", np.array(description.declared_pi)
+    return f"set {description.configuration}", parameter_set(description.configuration).vector
 
 
 def _errors(found: Identification, paper: Identification, idim: Idim | None) -> Section:
@@ -64,8 +66,12 @@ def _errors(found: Identification, paper: Identification, idim: Idim | None) -> 
         rows.append([joint, "this tool, judged on all rows", None, found.rms_held_out_all[j]])
         rows.append([joint, "paper's estimator, all rows", paper.rms_train[j], paper.rms_held_out[j]])
     if idim is not None:
-        rows.append([found.recording.joints[0], idim.text, idim.train, idim.held_out])
-        rows.append([found.recording.joints[0], "this tool's parameters on those same rows and band", idim.other_train, idim.other_held_out])
+        joint = found.recording.joints[0]
+        rows.append([joint, idim.text, idim.published.train, idim.published.held_out])
+        rows.append([joint, "this tool's parameters on those same rows and band", idim.other.train, idim.other.held_out])
+        if idim.recentred is not None:
+            rows.append([joint, "the same IDIM-LS, force moved half a sample to the middle of its hold", idim.recentred.train,
+                         idim.recentred.held_out])  # fmt: skip
     text = ("RMS% of Taati Eq. 15, 100 sqrt(sum r^2 / sum tau^2), on the filtered torque. Lines with different rows or filters judge "
             "different things: a lower band leaves out what the model cannot follow. "
             f"This tool: {found.method.text()}.\n\nPaper: {paper.method.text()}.")  # fmt: skip

@@ -44,6 +44,8 @@ def usable(norm: np.ndarray, floor: float, ceiling: float) -> slice:
 
     The norm oscillates, so a moment counts as at the floor only if it and what follows within 2 % of the run stay there.
     """
+    if len(norm) == 0:
+        return slice(0, 0)
     reach = max(1, len(norm) // 50)
     padded = np.concatenate([norm, np.repeat(norm[-1:], reach - 1)])
     ahead = np.lib.stride_tricks.sliding_window_view(padded, reach).max(axis=1)

@@ -160,3 +160,29 @@ def test_a_million_steps_end_on_the_last(base):
     result = run(made)
     assert result.outcome is Outcome.BOUNDED and result.stopped_at is None
     assert len(result.time) == 1001 and result.time[-1] == 1000.0
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
+def test_holding_is_a_delay_of_the_age_that_the_wiring_gives(algorithm):
+    """Hold at delay T against lines at T and at T + age: the age takes the error of first order away and leaves one of second.
+
+    The coupling is evaluated inside the arms, so that only the received position is held; free motion, so that nothing else is.
+    """
+    values = {"arm_*.coulomb": 0.0, "arm_*.stiffness": 0.25, "arm_*.damping": 0.09, "arm_*.internal_steps": 1, "operator.amplitude": 0.0,
+              "arm_l.q_start": [0.05, 0.3, 0.4], "experiment.stop": 15.0, "experiment.record_every": 1}  # fmt: skip
+    made = with_parameters(load_scenario("sallam-nmm"), values | {"experiment.algorithm": algorithm})
+    first, second = [], []
+    with open_system(made) as opened:
+        for step in (0.002, 0.001):
+
+            def tip(extrapolation, delay):
+                changed = {"experiment.extrapolation": extrapolation, "channel_*.delay_mean": delay, "experiment.step": step}
+                chosen = with_parameters(made, changed)
+                return run(chosen, opened, record=["arm_l.x"]).vector("arm_l.x"), opened.wiring(chosen)
+
+            held, wiring = tip("hold", 0.4)
+            assert wiring.age_lr == wiring.age_rl == pytest.approx((0.5 if algorithm == "gauss-seidel" else 1.5) * step)
+            first.append(np.abs(held - tip("linear", 0.4)[0]).max())
+            second.append(np.abs(held - tip("linear", 0.4 + wiring.age_lr)[0]).max())
+    assert first[0] / first[1] == pytest.approx(2.0, rel=0.05) and second[0] / second[1] == pytest.approx(4.0, rel=0.1)
+    assert second[1] < first[1] / 200

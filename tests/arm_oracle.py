@@ -13,20 +13,24 @@ STEP = 1e-30  # of the complex step: no subtraction, so no loss
 def segment_pi() -> np.ndarray:
     """pi of CF's segments (PHYSICS 1), from masses and inertias."""
     ma, mc, mbe, mdf, l3, l5, l6 = 0.0202, 0.0249, 0.2359, 0.1906, 0.0325, -0.0368, 0.0527
-    a, c, be, df = (np.array(v) * 1e-4 for v in (
-        (0.4864, 0.001843, 0.4864), (0.959, 0.959, 0.0051), (11.09, 10.06, 0.591), (7.11, 0.629, 6.246)))
+    a, c, be, df = (
+        np.array(v) * 1e-4
+        for v in ((0.4864, 0.001843, 0.4864), (0.959, 0.959, 0.0051), (11.09, 10.06, 0.591), (7.11, 0.629, 6.246))
+    )
     base = 11.87e-4
-    return np.array([
-        (a[1] + a[2] + 2 * base + be[1] + be[2] + c[1] + c[2] + df[1] + df[2]) / 2
-        + (4 * L1**2 * ma + L2**2 * ma + L1**2 * mc + 4 * l3**2 * mc) / 8,
-        (be[1] - be[2] + c[1] - c[2]) / 2 + L1**2 * (4 * ma + mc) / 8,
-        (a[1] - a[2] + df[1] - df[2]) / 2 - (L2**2 * ma + 4 * l3**2 * mc) / 8,
-        L1 * (L2 * ma + l3 * mc),
-        be[0] + c[0] + L1**2 * ma + L1**2 * mc / 4,
-        a[0] + df[0] + L2**2 * ma / 4 + l3**2 * mc,
-        GRAVITY / 2 * (2 * L1 * ma + 2 * l5 * mbe + L1 * mc),
-        GRAVITY / 2 * (L2 * ma + 2 * l3 * mc - 2 * l6 * mdf),
-    ])
+    return np.array(
+        [
+            (a[1] + a[2] + 2 * base + be[1] + be[2] + c[1] + c[2] + df[1] + df[2]) / 2
+            + (4 * L1**2 * ma + L2**2 * ma + L1**2 * mc + 4 * l3**2 * mc) / 8,
+            (be[1] - be[2] + c[1] - c[2]) / 2 + L1**2 * (4 * ma + mc) / 8,
+            (a[1] - a[2] + df[1] - df[2]) / 2 - (L2**2 * ma + 4 * l3**2 * mc) / 8,
+            L1 * (L2 * ma + l3 * mc),
+            be[0] + c[0] + L1**2 * ma + L1**2 * mc / 4,
+            a[0] + df[0] + L2**2 * ma / 4 + l3**2 * mc,
+            GRAVITY / 2 * (2 * L1 * ma + 2 * l5 * mbe + L1 * mc),
+            GRAVITY / 2 * (L2 * ma + 2 * l3 * mc - 2 * l6 * mdf),
+        ]
+    )
 
 
 PI = segment_pi()

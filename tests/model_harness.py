@@ -16,7 +16,18 @@ from pathlib import Path
 import numpy as np
 
 SOURCES = Path(__file__).parents[1] / "fmu_src"
-FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+FLAGS = [
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-fPIC",
+    "-shared",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Werror",
+]
 
 GLUE = """
 #include <math.h>
@@ -47,7 +58,7 @@ static void integrate(Model *m, double t, double offset, double h)
     }}
     for (int i = 0; i < STATES; i++) v[state_at[i]] = s[i] + h / 6.0 * (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]);
 }}
-/* n steps; inputs[n][width] go to the doubles from input_at on before each step, record[n][count] takes watched doubles after it. */
+/* n steps; inputs[n][width] go to the doubles input_at before each step, record[n][count] takes watched ones after. */
 int harness_steps(Model *m, double t0, double step, int n, const double *inputs, int width, const int *input_at,
           double *record, int count, const int *watch)
 {{
@@ -78,7 +89,13 @@ def _table(model: str) -> list[dict]:
 
 
 def _compiler() -> list[str]:
-    return [os.environ["CC"]] if "CC" in os.environ else ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    return (
+        [os.environ["CC"]]
+        if "CC" in os.environ
+        else ["cc"]
+        if shutil.which("cc")
+        else [sys.executable, "-m", "ziglang", "cc"]
+    )
 
 
 def compile_library(source: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:
@@ -92,7 +109,20 @@ def compile_library(source: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:
         code = folder / f"{key}_{os.getpid()}.c"
         code.write_text(source)
         made = library.with_suffix(f".{os.getpid()}")
-        subprocess.run([*_compiler(), *FLAGS, *flags, f"-I{SOURCES}", f"-I{SOURCES / 'shared'}", str(code), "-o", str(made), "-lm"], check=True)
+        subprocess.run(
+            [
+                *_compiler(),
+                *FLAGS,
+                *flags,
+                f"-I{SOURCES}",
+                f"-I{SOURCES / 'shared'}",
+                str(code),
+                "-o",
+                str(made),
+                "-lm",
+            ],
+            check=True,
+        )
         made.replace(library)
     return ctypes.CDLL(str(library))
 
@@ -113,9 +143,15 @@ class CompiledModel:
         rate_at = [i for e in states for i in self._indices(e["derivative"])]
         choices = [f"{e['name']}_{item} = {i + 1}" for e in table for i, item in enumerate(e.get("items", []))]
         self.source = source = GLUE.format(
-            enumerations=f"enum {{ {', '.join(choices).upper()} }};" if choices else "", fields="\n".join(fields), model=model, states=len(state_at), state_at="".join(f"{i}, " for i in state_at),
-            rate_at="".join(f"{i}, " for i in rate_at), internal="(int)m->internal_steps" if "internal_steps" in self._places else "1",
-            derive="derivatives(m, t);" if states else "(void)m; (void)t;")
+            enumerations=f"enum {{ {', '.join(choices).upper()} }};" if choices else "",
+            fields="\n".join(fields),
+            model=model,
+            states=len(state_at),
+            state_at="".join(f"{i}, " for i in state_at),
+            rate_at="".join(f"{i}, " for i in rate_at),
+            internal="(int)m->internal_steps" if "internal_steps" in self._places else "1",
+            derive="derivatives(m, t);" if states else "(void)m; (void)t;",
+        )
         self._library = compile_library(source)
         self._public = at - sum(e.get("size", 1) for e in table if e["causality"] == "private")
         at += 34  # origin, step, text
@@ -143,7 +179,7 @@ class CompiledModel:
 
     def start(self) -> "CompiledModel":
         """start() on zeroed private state, as the glue calls it."""
-        self.memory[self._public:] = 0.0
+        self.memory[self._public :] = 0.0
         self.time = 0.0
         if self._library.harness_begin(self._pointer()):
             raise ValueError(self._library.harness_failure().decode())
@@ -155,25 +191,47 @@ class CompiledModel:
     def show(self, t: float = 0.0) -> None:
         self._library.harness_show(self._pointer(), ctypes.c_double(t))
 
-    def run(self, steps: int, step: float, inputs: dict[str, np.ndarray] | None = None, watch: tuple[str, ...] = ()) -> dict:
+    def run(
+        self, steps: int, step: float, inputs: dict[str, np.ndarray] | None = None, watch: tuple[str, ...] = ()
+    ) -> dict:
         """Steps with inputs[name] of shape (steps, size), held over each step; watched variables after each step."""
         inputs = inputs or {}
         where = [i for name in inputs for i in self._indices(name)]
-        values = np.ascontiguousarray(np.hstack([np.broadcast_to(np.asarray(v, float).reshape(-1, len(self._indices(k))),
-                (steps, len(self._indices(k)))) for k, v in inputs.items()]) if inputs else np.zeros((steps, 1)))
+        values = np.ascontiguousarray(
+            np.hstack(
+                [
+                    np.broadcast_to(
+                        np.asarray(v, float).reshape(-1, len(self._indices(k))), (steps, len(self._indices(k)))
+                    )
+                    for k, v in inputs.items()
+                ]
+            )
+            if inputs
+            else np.zeros((steps, 1))
+        )
         look = [i for name in watch for i in self._indices(name)]
         record = np.zeros((steps, max(1, len(look))))
         pack = lambda a: np.array(a or [0], np.int32)  # noqa: E731
         at, see = pack(where), pack(look)
         point = lambda a: a.ctypes.data_as(ctypes.c_void_p)  # noqa: E731
-        failed = self._library.harness_steps(self._pointer(), ctypes.c_double(self.time), ctypes.c_double(step), steps, point(values),
-                len(where), point(at), point(record), len(look), point(see))
+        failed = self._library.harness_steps(
+            self._pointer(),
+            ctypes.c_double(self.time),
+            ctypes.c_double(step),
+            steps,
+            point(values),
+            len(where),
+            point(at),
+            point(record),
+            len(look),
+            point(see),
+        )
         if failed:
             raise ValueError(self._library.harness_failure().decode())
         self.time += steps * step
         result, column = {}, 0
         for name in watch:
             size = len(self._indices(name))
-            result[name] = record[:, column:column + size]
+            result[name] = record[:, column : column + size]
             column += size
         return result

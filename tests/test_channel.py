@@ -5,7 +5,10 @@ import pytest
 from model_harness import CompiledModel
 from scipy import stats
 
-LAWS = {n: i + 1 for i, n in enumerate(("constant", "sinusoidal", "uniform", "random_walk", "sawtooth", "square", "recorded"))}
+LAWS = {
+    n: i + 1
+    for i, n in enumerate(("constant", "sinusoidal", "uniform", "random_walk", "sawtooth", "square", "recorded"))
+}
 SEMANTICS = {n: i + 1 for i, n in enumerate(("time_delay", "transport_delay", "newest_packet", "packet_order"))}
 STEP = 1e-3
 
@@ -22,7 +25,9 @@ def signal(n: int) -> np.ndarray:
 
 
 def received(m: CompiledModel, n: int, **more) -> dict:
-    return m.run(n, STEP, {"u": signal(n), "v": -signal(n), **more}, ("y", "w", "delay_now", "age", "lost", "in_flight"))
+    return m.run(
+        n, STEP, {"u": signal(n), "v": -signal(n), **more}, ("y", "w", "delay_now", "age", "lost", "in_flight")
+    )
 
 
 @pytest.mark.parametrize("semantics", SEMANTICS)
@@ -119,7 +124,9 @@ def test_periodic_laws_are_their_functions():
     sine = delays("sinusoidal", 5000, delay_phase=phase, **limits)
     assert np.abs(sine - (0.15 + 0.1 * np.sin(2 * np.pi * turns))).max() < 1e-14
     away = np.abs(turns * 2 - np.rint(turns * 2)) > 1e-9  # where neither function jumps
-    assert np.abs(delays("sawtooth", 5000, delay_phase=phase, **limits) - (0.05 + 0.2 * (turns % 1)))[away].max() < 1e-12
+    assert (
+        np.abs(delays("sawtooth", 5000, delay_phase=phase, **limits) - (0.05 + 0.2 * (turns % 1)))[away].max() < 1e-12
+    )
     square = delays("square", 5000, delay_phase=phase, **limits)
     assert (square[away] == np.where(turns % 1 < 0.5, 0.05, 0.25)[away]).all()
     assert square.mean() == pytest.approx(0.15, abs=0.2 * STEP / 5)  # whole periods: one sample at an edge
@@ -139,9 +146,12 @@ def test_uniform_knots_joined_by_lines():
     knots = d[99::100]
     t = np.arange(1, 100001) * STEP
     assert np.abs(np.interp(t[99:], t[99::100], knots) - d[99:]).max() < 1e-12
-    # 1000 knots: the mean of the lines has about the knots' standard error, 0.3/sqrt(12)/sqrt(1000); variance between is 2/3 of it
+    # 1000 knots: the mean of the lines has about the knots' standard error, 0.3/sqrt(12)/sqrt(1000); variance between
+    # is 2/3 of it
     assert abs(d.mean() - 0.15) < 3.9 * 0.3 / np.sqrt(12 * 1000)
-    assert abs(d.var() / (2 / 3 * 0.09 / 12) - 1) < 3.9 * 1.2 / np.sqrt(1000)  # kurtosis below the normal's, neighbours share a knot
+    assert abs(d.var() / (2 / 3 * 0.09 / 12) - 1) < 3.9 * 1.2 / np.sqrt(
+        1000
+    )  # kurtosis below the normal's, neighbours share a knot
     assert stats.kstest(knots / 0.3, "uniform").pvalue > 1e-4
 
 
@@ -150,7 +160,8 @@ def test_random_walk_stays_in_and_spreads_evenly():
     d = delays("random_walk", 100000, seed=3, **limits)
     steps = np.diff(d)
     assert d.min() >= 0.1 and d.max() <= 0.2 and np.abs(steps).max() <= 0.04
-    # reflection keeps the uniform law; the walk mixes over (span/step)^2 * 3 / pi^2 * 2 ~ 4 samples, so every 20th is independent
+    # reflection keeps the uniform law; the walk mixes over (span/step)^2 * 3 / pi^2 * 2 ~ 4 samples, so every 20th is
+    # independent
     assert stats.kstest((d[::20] - 0.1) / 0.1, "uniform").pvalue > 1e-4
     inside = np.abs(d[:-1] - 0.15) < 0.01  # no reflection from here: steps are uniform in +-0.04
     assert stats.kstest((steps[inside] + 0.04) / 0.08, "uniform").pvalue > 1e-4
@@ -189,7 +200,9 @@ def test_burst_loss_has_gilbert_elliotts_statistics():
 
 
 def test_independent_loss_and_what_is_shown():
-    m = CompiledModel("VariableDelayChannel", loss_good=0.3, delay_mean=5 * STEP, semantics=SEMANTICS["newest_packet"], seed=9).start()
+    m = CompiledModel(
+        "VariableDelayChannel", loss_good=0.3, delay_mean=5 * STEP, semantics=SEMANTICS["newest_packet"], seed=9
+    ).start()
     run = m.run(20000, STEP, {"u": signal(20000)}, ("y", "lost", "age"))
     assert abs(run["lost"][-1, 0] / 20000 - 0.3) < 3.9 * np.sqrt(0.3 * 0.7 / 20000)
     lost = np.diff(run["lost"][:, 0], prepend=0) > 0
@@ -201,7 +214,9 @@ def test_independent_loss_and_what_is_shown():
 def test_saved_packets_in_flight_go_on():
     """The struct is the whole state: a copy of it continues with the same bits, reordering and loss included."""
     for semantics in SEMANTICS:
-        m = channel("uniform", semantics, delay_max=0.3, delay_interval=0.02, loss_to_bad=0.05, loss_to_good=0.3, seed=11)
+        m = channel(
+            "uniform", semantics, delay_max=0.3, delay_interval=0.02, loss_to_bad=0.05, loss_to_good=0.3, seed=11
+        )
         received(m, 700)
         saved, time = m.memory.copy(), m.time
         first = received(m, 500)
@@ -221,10 +236,13 @@ def test_longest_delay_fits_and_a_longer_one_is_refused(semantics):
     assert all(word in message for word in ("8.3 s", "8192 samples", "8.192 s", "step of 0.001 s")), message
 
 
-@pytest.mark.parametrize(("parameters", "words"), [
-    ({"law": 3, "delay_min": 0.2, "delay_max": 0.1}, ["delay_max = 0.1", "[0.2, inf)"]),
-    ({"law": 4, "delay_max": 0.1, "delay_step": 0.3}, ["delay_step = 0.3", "[0, 0.1]"]),
-])
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"law": 3, "delay_min": 0.2, "delay_max": 0.1}, ["delay_max = 0.1", "[0.2, inf)"]),
+        ({"law": 4, "delay_max": 0.1, "delay_step": 0.3}, ["delay_step = 0.3", "[0, 0.1]"]),
+    ],
+)
 def test_impossible_parameters(parameters, words):
     with pytest.raises(ValueError) as problem:
         CompiledModel("VariableDelayChannel", **parameters).start()

@@ -1,12 +1,22 @@
-"""The channel as an FMU: the same bits in both standards, packets in flight in the saved state, recorded delay, refusals."""
+"""The channel as an FMU: the same bits in both standards, packets in flight in the saved state, recorded delay,
+refusals."""
 
 import numpy as np
 import pytest
-from build_fmus import fmu_path
 from model_harness import CompiledModel
 from probe import Importer
 
-PARAMETERS = {"law": 3, "semantics": 3, "delay_max": 0.08, "delay_interval": 0.01, "loss_to_bad": 0.05, "loss_to_good": 0.3, "seed": 6}
+from build_fmus import fmu_path
+
+PARAMETERS = {
+    "law": 3,
+    "semantics": 3,
+    "delay_max": 0.08,
+    "delay_interval": 0.01,
+    "loss_to_bad": 0.05,
+    "loss_to_good": 0.3,
+    "seed": 6,
+}
 NAMES = ("y[1]", "w[3]", "delay_now", "age", "lost", "in_flight")
 
 WAVES = np.random.default_rng(1).standard_normal((1000, 2))
@@ -34,7 +44,9 @@ def test_fmi_2_and_fmi_3_and_plain_c_give_the_same_bits(semantics):
     u, v = np.zeros((300, 3)), np.zeros((300, 3))
     u[:, 0], v[:, 2] = WAVES[:300].T
     run = plain.run(300, 1e-3, {"u": u, "v": v}, ("y", "w", "delay_now", "age", "lost", "in_flight"))
-    bare = np.column_stack([run["y"][:, 0], run["w"][:, 2], run["delay_now"], run["age"], run["lost"], run["in_flight"]])
+    bare = np.column_stack(
+        [run["y"][:, 0], run["w"][:, 2], run["delay_now"], run["age"], run["lost"], run["in_flight"]]
+    )
     assert same(two, three) and same(two, bare)
     assert two[-1, 4] > 5
 
@@ -82,4 +94,6 @@ def test_too_long_a_delay_names_delay_buffer_and_step(fmi):
     with pytest.raises(Exception):  # noqa: B017
         for k in range(10000):
             fmu.step(k * 1e-5, 1e-5)
-    assert any(all(w in m for w in ("0.09 s", "8192 samples", "step of 1e-05 s")) for m in fmu.messages), fmu.messages[-1:]
+    assert any(all(w in m for w in ("0.09 s", "8192 samples", "step of 1e-05 s")) for m in fmu.messages), fmu.messages[
+        -1:
+    ]

@@ -1,7 +1,10 @@
-"""The effects of close-loop against the plant in C: columns times coefficients are the torque that the FMU's parameters need.
+"""The effects of close-loop against the plant in C: columns times coefficients are the torque that the FMU's
+parameters need.
 
-Two writings of one list (cosim/effects in numpy for the regression, fmu_src in C for the simulation) held together, so that an effect
-that was found and written into effects.toml is the effect that the FMU then has: name, sign, unit, order of the indices.
+Two writings of one list (cosim/effects in numpy for the regression, fmu_src in C for the simulation) held together,
+so that an effect
+that was found and written into effects.toml is the effect that the FMU then has: name, sign, unit, order of the
+indices.
 """
 
 import re
@@ -10,18 +13,31 @@ from types import SimpleNamespace
 import arm_oracle as oracle
 import numpy as np
 import pytest
+from model_harness import CompiledModel
+
 from cosim.closure.effects_file import start_values
 from cosim.effects.effect import Scene
 from cosim.effects.registry import BUILT_IN
-from model_harness import CompiledModel
 
 ROWS, TAU = 12, np.array([0.05, -0.08, 0.03])
 VISCOUS, COULOMB = np.array([1e-3, 2e-3, 1.5e-3]), np.array([0.02, 0.01, 0.015])
-THETA = {"stribeck": (0.3, 2.0), "torque_ripple": (11.0,), "hysteresis": (0.05,), "external_contact": (0.6, 0.0, 0.8, 0.01),
-         "torque_saturation": (0.04,), "torque_deadband": (0.02,)}
+THETA = {
+    "stribeck": (0.3, 2.0),
+    "torque_ripple": (11.0,),
+    "hysteresis": (0.05,),
+    "external_contact": (0.6, 0.0, 0.8, 0.01),
+    "torque_saturation": (0.04,),
+    "torque_deadband": (0.02,),
+}
 OTHERWISE = {  # compared as motions elsewhere, or not as a column
-    "actuator_lag": "a filter", "time_delay": "a filter", "joint_elasticity": "a displacement", "backlash": "a displacement",
-    "encoder_offset": "of the measurement", "hysteresis": "a state", "torque_saturation": "of the command", "torque_deadband": "of the command",
+    "actuator_lag": "a filter",
+    "time_delay": "a filter",
+    "joint_elasticity": "a displacement",
+    "backlash": "a displacement",
+    "encoder_offset": "of the measurement",
+    "hysteresis": "a state",
+    "torque_saturation": "of the command",
+    "torque_deadband": "of the command",
     "payload": "of the inertia: tests/test_phantom_arm_effects.py",
 }
 
@@ -30,12 +46,32 @@ def scene() -> Scene:
     random = np.random.default_rng(3)
     q = np.array([oracle.random_pose(random) for _ in range(ROWS)])
     dq, ddq = random.uniform(-1, 1, (ROWS, 3)), np.zeros((ROWS, 3))
-    motion = SimpleNamespace(q=q, dq=dq, ddq=ddq, time=np.arange(ROWS) * 1.0, test=np.zeros(ROWS, bool), joints=3, step=1.0, other={},
-                             tau_raw=np.tile(TAU, (ROWS, 1)))
+    motion = SimpleNamespace(
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        time=np.arange(ROWS) * 1.0,
+        test=np.zeros(ROWS, bool),
+        joints=3,
+        step=1.0,
+        other={},
+        tau_raw=np.tile(TAU, (ROWS, 1)),
+    )
     sign = dq / np.sqrt(dq**2 + 1e-4)
     tau = np.tile(TAU, (ROWS, 1))
-    return Scene(motion=_hashable(motion), device="phantom", sign=sign, rigid=tau, friction=COULOMB * sign, prediction=tau, viscous=VISCOUS,
-                 coulomb=COULOMB, rigid_torque=lambda *a: tau, pi=oracle.PI, declared=True)
+    return Scene(
+        motion=_hashable(motion),
+        device="phantom",
+        sign=sign,
+        rigid=tau,
+        friction=COULOMB * sign,
+        prediction=tau,
+        viscous=VISCOUS,
+        coulomb=COULOMB,
+        rigid_torque=lambda *a: tau,
+        pi=oracle.PI,
+        declared=True,
+    )
 
 
 class _Motion(SimpleNamespace):
@@ -78,7 +114,9 @@ def test_columns_are_the_torque_of_the_fmu_parameters(effect, joints, theta):
     count = next(iter(columns.values())).shape[1]
     beta = np.array([3e-3, -2e-3, 1e-3, 2e-3])[:count]
     if effect.name in ("external_contact", "friction_drift", "load_friction", "torque_gain"):
-        beta = np.array([{"external_contact": 200.0, "friction_drift": 0.02, "load_friction": 0.1, "torque_gain": 0.1}[effect.name]])
+        beta = np.array(
+            [{"external_contact": 200.0, "friction_drift": 0.02, "load_friction": 0.1, "torque_gain": 0.1}[effect.name]]
+        )
     estimate = SimpleNamespace(beta=beta, theta=theta, joints=joints, scene=s)
     parameters = effect.parameters(estimate)
     known = {re.sub(r"\[\d+\]", "", name) for name in parameters}
@@ -87,11 +125,14 @@ def test_columns_are_the_torque_of_the_fmu_parameters(effect, joints, theta):
     for j, column in columns.items():
         expected[:, j] = column @ beta
     found = required(start_values(parameters, "phantom"), s)
-    # small-angle and unit-gain columns are first order in beta; a displacement of the mean (coupling by a spring) is a torque offset
+    # small-angle and unit-gain columns are first order in beta; a displacement of the mean (coupling by a spring) is a
+    # torque offset
     if effect.name == "joint_coupling" and "stiffness" in next(iter(parameters)):
         found, expected = found - found.mean(axis=0), expected - expected.mean(axis=0)
     if effect.name == "torque_gain":
-        expected = expected * (1 + parameters[next(iter(parameters))])  # in the FMU the command is given, here the delivered torque
+        expected = expected * (
+            1 + parameters[next(iter(parameters))]
+        )  # in the FMU the command is given, here the delivered torque
     slack = {"base_tilt": 0.01}.get(effect.name, 1e-9)
     assert np.abs(found - expected).max() <= slack * np.abs(expected).max() + 1e-13
     assert np.abs(expected).max() > 0

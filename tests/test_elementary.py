@@ -40,15 +40,24 @@ def evaluate(source: str, values: np.ndarray, flags: tuple[str, ...] = ()) -> np
 def ulps(found: np.ndarray, exact: list) -> float:
     """Largest error in units of the exact value's last place."""
     with mpmath.workdps(50):
-        return max(float(abs(mpmath.mpf(float(f)) - e)) / np.spacing(abs(float(e))) for f, e in zip(found, exact, strict=True))
+        return max(
+            float(abs(mpmath.mpf(float(f)) - e)) / np.spacing(abs(float(e))) for f, e in zip(found, exact, strict=True)
+        )
 
 
 def hard_angles() -> np.ndarray:
     """Random angles, and those nearest to multiples of pi/2, where a reduction loses its digits."""
     random = np.random.default_rng(1)
     turns = np.concatenate([np.arange(1.0, 200.0), random.integers(200, 2**20, 300)]) * (np.pi / 2)
-    return np.concatenate([random.uniform(-4, 4, 1500), random.uniform(-1.6e6, 1.6e6, 1500), turns, -turns,
-                           random.uniform(-1, 1, 200) * 10.0 ** random.uniform(-300, 0, 200)])
+    return np.concatenate(
+        [
+            random.uniform(-4, 4, 1500),
+            random.uniform(-1.6e6, 1.6e6, 1500),
+            turns,
+            -turns,
+            random.uniform(-1, 1, 200) * 10.0 ** random.uniform(-300, 0, 200),
+        ]
+    )
 
 
 def test_sine_and_cosine_are_within_one_unit_in_the_last_place():
@@ -62,7 +71,9 @@ def test_sine_and_cosine_are_within_one_unit_in_the_last_place():
 
 
 def test_exponential_is_within_one_unit_in_the_last_place():
-    values = np.concatenate([np.random.default_rng(2).uniform(-707, 708.5, 2000), np.random.default_rng(3).uniform(-2, 2, 1000)])
+    values = np.concatenate(
+        [np.random.default_rng(2).uniform(-707, 708.5, 2000), np.random.default_rng(3).uniform(-2, 2, 1000)]
+    )
     with mpmath.workdps(50):
         exact = [mpmath.exp(mpmath.mpf(float(a))) for a in values]
     assert ulps(evaluate(SCALAR, values)[2], exact) < 1.0  # e_exp.c states "< 1 ulp"
@@ -79,7 +90,9 @@ def test_special_values():
 def test_vector_lanes_have_the_bits_of_the_scalar(flags):
     if flags and "avx2" not in open("/proc/cpuinfo").read():
         pytest.skip("processor without AVX2")
-    values = np.concatenate([hard_angles(), np.random.default_rng(4).uniform(-800, 800, 400), [np.nan, np.inf, -np.inf, 0.0, -0.0]])
+    values = np.concatenate(
+        [hard_angles(), np.random.default_rng(4).uniform(-800, 800, 400), [np.nan, np.inf, -np.inf, 0.0, -0.0]]
+    )
     values = values[: len(values) // 4 * 4]
     lanes = evaluate(LANES, values, ("-Wno-psabi", *flags))
     assert (lanes.view(np.uint64) == evaluate(SCALAR, values).view(np.uint64)).all()

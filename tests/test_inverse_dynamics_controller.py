@@ -12,7 +12,9 @@ def test_its_law():
     gains = {"proportional_gain": [100.0, 625, 1200], "derivative_gain": [14.0, 35, 80]}
     for mounting, sign in ((1, 1), (2, -1)):
         pi = oracle.PI * np.array([1] * 6 + [sign] * 2)
-        m = CompiledModel("InverseDynamicsController", mounting=mounting, friction_fraction=0.5, **FRICTION, **gains).start()
+        m = CompiledModel(
+            "InverseDynamicsController", mounting=mounting, friction_fraction=0.5, **FRICTION, **gains
+        ).start()
         for _ in range(50):
             q, dq, q_ref, dq_ref, ddq_ref = oracle.random_pose(random), *random.uniform(-1, 1, (4, 3))
             m.run(1, 1e-3, {"q": q, "dq": dq, "q_ref": q_ref, "dq_ref": dq_ref, "ddq_ref": ddq_ref})

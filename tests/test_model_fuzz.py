@@ -1,4 +1,5 @@
-"""The physics in C under the address and undefined-behaviour sanitizers, with parameters and inputs from their whole ranges."""
+"""The physics in C under the address and undefined-behaviour sanitizers, with parameters and inputs from their whole
+ranges."""
 
 import shutil
 import subprocess
@@ -19,7 +20,8 @@ static double uniform(void)
 /* Zero, limits, moderate and (wild) any magnitude of either sign, within the row's range. */
 static double draw(int k, int wild)
 {
-    const double low = rows[k].low, high = rows[k].high, size = exp(wild ? (uniform() - 0.5) * 1400 : (uniform() - 0.6) * 12);
+    const double low = rows[k].low, high = rows[k].high;
+    const double size = exp(wild ? (uniform() - 0.5) * 1400 : (uniform() - 0.6) * 12);
     const double kind = uniform();
     if (rows[k].whole) return floor(low + uniform() * ((high > 1e6 ? 1e6 : high) - low + 0.999));
     double v = kind < 0.1 ? 0 : kind < 0.13 ? low : kind < 0.16 ? high : kind < 0.6 ? size : -size;
@@ -71,13 +73,22 @@ def parameter_rows(model: str) -> str:
         for i in range(entry.get("size", 1)):
             start = entry.get("start", 0.0)
             start = float(start[i] if isinstance(start, list) else start)
-            row = (places[entry["name"]].start + i, float(low), float(high), int(kind != "Real"), int(entry["causality"] == "input"), start)
+            row = (
+                places[entry["name"]].start + i,
+                float(low),
+                float(high),
+                int(kind != "Real"),
+                int(entry["causality"] == "input"),
+                start,
+            )
             out.append("{%d, %r, %r, %d, %d, %r}" % row)
     return ", ".join(out)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["PhantomArm", "AxisDrive", "VariableDelayChannel", "InverseDynamicsController", "ForceObserver"])
+@pytest.mark.parametrize(
+    "model", ["PhantomArm", "AxisDrive", "VariableDelayChannel", "InverseDynamicsController", "ForceObserver"]
+)
 def test_sanitizers_find_nothing_and_no_state_is_lost(model, tmp_path):
     if not shutil.which("cc"):
         pytest.skip("no system compiler with sanitizers")
@@ -85,8 +96,23 @@ def test_sanitizers_find_nothing_and_no_state_is_lost(model, tmp_path):
     code, program = tmp_path / "fuzz.c", tmp_path / "fuzz"
     code.write_text(source + MAIN % {"rows": parameter_rows(model), "trials": 1500})
     flags = [f for f in FLAGS if f not in ("-fPIC", "-shared", "-O2")]
-    subprocess.run(["cc", *flags, "-O1", "-g", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all",
-                    f"-I{SOURCES}", f"-I{SOURCES / 'shared'}", str(code), "-o", str(program), "-lm"], check=True)
+    subprocess.run(
+        [
+            "cc",
+            *flags,
+            "-O1",
+            "-g",
+            "-fsanitize=address,undefined,float-cast-overflow",
+            "-fno-sanitize-recover=all",
+            f"-I{SOURCES}",
+            f"-I{SOURCES / 'shared'}",
+            str(code),
+            "-o",
+            str(program),
+            "-lm",
+        ],
+        check=True,
+    )
     done = subprocess.run([str(program)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     whole, refused, failed, lost = map(int, done.stdout.split())

@@ -23,7 +23,12 @@ def accelerations(m: CompiledModel, q, dq, **inputs) -> np.ndarray:
 def states(seed: int):
     random = np.random.default_rng(seed)
     for _ in range(RANDOM_STATES):
-        yield oracle.random_pose(random), random.uniform(-5, 5, 3), random.uniform(-0.3, 0.3, 3), random.uniform(-3, 3, 3)
+        yield (
+            oracle.random_pose(random),
+            random.uniform(-5, 5, 3),
+            random.uniform(-0.3, 0.3, 3),
+            random.uniform(-3, 3, 3),
+        )
 
 
 def test_default_parameters_are_the_segment_set():
@@ -80,7 +85,13 @@ def test_motion_agrees_with_scipy():
 def test_integration_is_of_fourth_order():
     ends = []
     for internal in (1, 2, 4, 8):
-        m = CompiledModel("PhantomArm", q_start=[0.1, 0.3, 0.4], dq_start=[3.0, -2.0, 4.0], viscous=[2e-3] * 3, internal_steps=internal)
+        m = CompiledModel(
+            "PhantomArm",
+            q_start=[0.1, 0.3, 0.4],
+            dq_start=[3.0, -2.0, 4.0],
+            viscous=[2e-3] * 3,
+            internal_steps=internal,
+        )
         ends.append(m.start().run(60, 1 / 150, watch=("q",))["q"][-1])
     differences = [np.abs(a - b).max() for a, b in zip(ends, ends[1:], strict=False)]
     orders = np.log2(np.array(differences[:-1]) / differences[1:])
@@ -103,8 +114,11 @@ def coriolis(q, dq, sign: float, pi=oracle.PI) -> np.ndarray:
     d2 = -2 * pi[1] * np.sin(2 * q[1]) - pi[3] * np.sin(q[1]) * np.sin(q[2])
     d3 = -2 * pi[2] * np.sin(2 * q[2]) + pi[3] * np.cos(q[1]) * np.cos(q[2])
     k = pi[3] / 2 * np.cos(q[1] - q[2])
-    c = [[(d2 * dq[1] + d3 * dq[2]) / 2, d2 * dq[0] / 2, d3 * dq[0] / 2], [-d2 * dq[0] / 2, 0, k * dq[2]],
-         [-d3 * dq[0] / 2, sign * k * dq[1], 0]]
+    c = [
+        [(d2 * dq[1] + d3 * dq[2]) / 2, d2 * dq[0] / 2, d3 * dq[0] / 2],
+        [-d2 * dq[0] / 2, 0, k * dq[2]],
+        [-d3 * dq[0] / 2, sign * k * dq[1], 0],
+    ]
     return np.array(c) @ dq
 
 
@@ -123,8 +137,14 @@ def test_energy_decides_the_sign_of_sallams_c32(sign, keeps):
 
 def test_friction_and_work_close_the_energy_balance():
     """E(t) - E(0) = work of tau and f - friction's, integrated beside the state by numpy."""
-    m = CompiledModel("PhantomArm", q_start=[0.1, 0.2, 0.4], viscous=[1e-3, 2e-3, 1e-3], coulomb=[5e-3] * 3, coulomb_velocity=0.1,
-                      internal_steps=4).start()
+    m = CompiledModel(
+        "PhantomArm",
+        q_start=[0.1, 0.2, 0.4],
+        viscous=[1e-3, 2e-3, 1e-3],
+        coulomb=[5e-3] * 3,
+        coulomb_velocity=0.1,
+        internal_steps=4,
+    ).start()
     f, tau = np.array([0.02, 0.05, -0.01]), np.array([0.0, 0.02, 0.07])
     run = m.run(1000, 1e-3, {"tau": tau, "f": f}, ("q", "dq"))
     q, dq = (np.vstack([np.atleast_2d(first), run[n]]) for n, first in (("q", [0.1, 0.2, 0.4]), ("dq", [0.0] * 3)))
@@ -132,7 +152,9 @@ def test_friction_and_work_close_the_energy_balance():
     power = np.array([(tau + oracle.jacobian(a).T @ f - c) @ b for a, b, c in zip(q, dq, friction, strict=True)])
     work = np.trapezoid(power, dx=1e-3) if hasattr(np, "trapezoid") else np.trapz(power, dx=1e-3)
     gained = oracle.energy(q[-1], dq[-1]) - oracle.energy(q[0], dq[0])
-    bound = 1e-6 / 12 * np.abs(np.gradient(np.gradient(power, 1e-3), 1e-3)).max() * 2  # trapezoid rule: T h^2/12 max|P''|
+    bound = (
+        1e-6 / 12 * np.abs(np.gradient(np.gradient(power, 1e-3), 1e-3)).max() * 2
+    )  # trapezoid rule: T h^2/12 max|P''|
     assert abs(gained - work) < bound < 0.01 * abs(work)
 
 
@@ -168,13 +190,16 @@ def test_workspace_limits_end_the_domain_where_asked():
         assert abs(q_end[0]) <= 90 and q_end[1] - q_end[2] <= 65 and q_end[2] - q_end[1] <= 55
 
 
-@pytest.mark.parametrize(("parameters", "words"), [
-    ({"pi": [1e-3, 1e-3, -1e-3, 1e-3, 1e-3, -1e-3, 0, 0]}, ["pi", "positive definite", "M33 = -0.001"]),
-    ({"backlash": [0, 0, 1e-3], "motor_inertia": [0, 0, 1e-3]}, ["motor_inertia[3] = 0.001", "(0, 0.000931886)"]),
-    ({"joint_compliance": [0.1] * 3, "motor_inertia": [1e-4, 5e-3, 1e-4]}, ["motor_inertia[2] = 0.005", "(0, "]),
-    ({"stribeck_exponent": [2, 1.5, 2]}, ["stribeck_exponent[2] = 1.5", "neither 1 nor 2"]),
-    ({"contact_stiffness": 100.0}, ["contact_normal", "contact_stiffness = 100"]),
-])
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"pi": [1e-3, 1e-3, -1e-3, 1e-3, 1e-3, -1e-3, 0, 0]}, ["pi", "positive definite", "M33 = -0.001"]),
+        ({"backlash": [0, 0, 1e-3], "motor_inertia": [0, 0, 1e-3]}, ["motor_inertia[3] = 0.001", "(0, 0.000931886)"]),
+        ({"joint_compliance": [0.1] * 3, "motor_inertia": [1e-4, 5e-3, 1e-4]}, ["motor_inertia[2] = 0.005", "(0, "]),
+        ({"stribeck_exponent": [2, 1.5, 2]}, ["stribeck_exponent[2] = 1.5", "neither 1 nor 2"]),
+        ({"contact_stiffness": 100.0}, ["contact_normal", "contact_stiffness = 100"]),
+    ],
+)
 def test_impossible_parameters_are_named_with_value_and_range(parameters, words):
     with pytest.raises(ValueError) as problem:
         CompiledModel("PhantomArm", **parameters).start()
@@ -182,12 +207,18 @@ def test_impossible_parameters_are_named_with_value_and_range(parameters, words)
     assert len(str(problem.value)) < 190  # fits its buffer
 
 
-@pytest.mark.parametrize(("parameters", "words"), [
-    ({"actuator_lag": [0, 1e-4, 0]}, ["actuator_lag[2] = 0.0001", "0.0005 s", "internal_steps to 11"]),
-    ({"joint_compliance": [1e-4] * 3, "motor_inertia": [1e-4] * 3}, ["joint_compliance[1] = 0.0001", "internal_steps"]),
-    ({"damping": [90.0] * 3, "internal_steps": 1}, ["damping", "internal step of 0.001 s", "internal_steps to 2"]),
-    ({"time_delay": [0, 0, 0.6]}, ["time_delay = 0.6", "512 commands", "0.512 s", "0.001 s"]),
-])
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"actuator_lag": [0, 1e-4, 0]}, ["actuator_lag[2] = 0.0001", "0.0005 s", "internal_steps to 11"]),
+        (
+            {"joint_compliance": [1e-4] * 3, "motor_inertia": [1e-4] * 3},
+            ["joint_compliance[1] = 0.0001", "internal_steps"],
+        ),
+        ({"damping": [90.0] * 3, "internal_steps": 1}, ["damping", "internal step of 0.001 s", "internal_steps to 2"]),
+        ({"time_delay": [0, 0, 0.6]}, ["time_delay = 0.6", "512 commands", "0.512 s", "0.001 s"]),
+    ],
+)
 def test_what_the_step_cannot_carry_is_refused(parameters, words):
     with pytest.raises(ValueError) as problem:
         CompiledModel("PhantomArm", gravity_compensation=1, **parameters).start().run(1000, 1e-3)

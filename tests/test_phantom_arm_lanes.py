@@ -38,11 +38,17 @@ static void everything(const real *in, real *out)
     out[n++] = arm_radius(&p);
 }
 """
-SCALAR = BODY + """
+SCALAR = (
+    BODY
+    + """
 void evaluate(const double *in, int n, double *out)
 { for (int i = 0; i < n; i++) everything(in + 17 * i, out + OUT * i); }
 """
-LANES = "#define REAL_LANES {lanes}\n" + BODY.replace("{", "{{").replace("}", "}}") + """
+)
+LANES = (
+    "#define REAL_LANES {lanes}\n"
+    + BODY.replace("{", "{{").replace("}", "}}")
+    + """
 void evaluate(const double *in, int n, double *out)
 {{
     for (int i = 0; i < n; i += REAL_LANES) {{
@@ -53,6 +59,7 @@ void evaluate(const double *in, int n, double *out)
     }}
 }}
 """
+)
 
 
 def evaluate(source: str, values: np.ndarray, flags: tuple[str, ...] = ()) -> np.ndarray:
@@ -62,14 +69,18 @@ def evaluate(source: str, values: np.ndarray, flags: tuple[str, ...] = ()) -> np
     return out
 
 
-@pytest.mark.parametrize(("lanes", "flags"), [(2, ()), (4, ()), (4, ("-mavx2", "-mfma", "-O3")), (8, ("-mavx512f", "-mavx512dq", "-O3"))])
+@pytest.mark.parametrize(
+    ("lanes", "flags"), [(2, ()), (4, ()), (4, ("-mavx2", "-mfma", "-O3")), (8, ("-mavx512f", "-mavx512dq", "-O3"))]
+)
 def test_lanes_have_the_bits_of_the_scalar(lanes, flags):
     processor = open("/proc/cpuinfo").read()
     if any(flag[2:] not in processor for flag in flags if flag.startswith("-m")):
         pytest.skip(f"processor without {' '.join(flags)}")
     random = np.random.default_rng(1)
     pi = oracle.PI * random.uniform(0.3, 1.7, (400, 8))
-    rows = np.hstack([pi, random.uniform(-3, 3, (400, 3)), random.uniform(-5, 5, (400, 3)), random.uniform(-1, 1, (400, 3))])
+    rows = np.hstack(
+        [pi, random.uniform(-3, 3, (400, 3)), random.uniform(-5, 5, (400, 3)), random.uniform(-1, 1, (400, 3))]
+    )
     rows[:100, 8:11] = [oracle.random_pose(random) for _ in range(100)]
     scalar, vector = evaluate(SCALAR, rows), evaluate(LANES.format(lanes=lanes), rows, ("-Wno-psabi", *flags))
     assert (scalar.view(np.uint64) == vector.view(np.uint64)).all()

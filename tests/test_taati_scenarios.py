@@ -1,9 +1,10 @@
 """Taati's two applications as shipped: inverse dynamics control (4.3) and contact force estimation (4.4)."""
 
 import numpy as np
+from scipy.signal import lfilter
+
 from cosim.master import run
 from cosim.scenario import load_scenario
-from scipy.signal import lfilter
 
 
 def settled_error(*overrides: str) -> float:
@@ -14,10 +15,13 @@ def settled_error(*overrides: str) -> float:
 
 
 def test_identified_parameters_track_better_than_piecewise_ones():
-    """Taati's observation 1: 20 % error with the identified parameters, 25 % with the piecewise ones (stiction included)."""
+    """Taati's observation 1: 20 % error with the identified parameters, 25 % with the piecewise ones (stiction
+    included)."""
     identified, piecewise = settled_error(), settled_error("controller.parameter_set=piecewise")
-    # what is left with the plant's own parameters is creep under half of the friction; the piecewise gravity is off by 36 mN m:
-    # 36e-3 / (M33 Kp) = 36e-3 sin(0.95) / (0.95e-3 * 625) = 49 mrad or 25 %, M33 of the controller's model being within 5 %
+    # what is left with the plant's own parameters is creep under half of the friction; the piecewise gravity is off by
+    # 36 mN m:
+    # 36e-3 / (M33 Kp) = 36e-3 sin(0.95) / (0.95e-3 * 625) = 49 mrad or 25 %, M33 of the controller's model being within
+    # 5 %
     assert identified < 0.01
     assert abs(piecewise - 0.25) < 0.03
 
@@ -32,5 +36,6 @@ def test_observer_with_the_model_sees_the_hands_force():
 
     # 1 ms of age between force and torque turns a 0.25 Hz sine by 0.16 %
     assert (share("observer.f") < 2e-3).all()
-    # without the model: gravity of about 0.05 to 0.3 N and 10 to 25 mN m of friction stand in the estimate; the wrong set's gravity too
+    # without the model: gravity of about 0.05 to 0.3 N and 10 to 25 mN m of friction stand in the estimate; the wrong
+    # set's gravity too
     assert (share("observer.f_static") > 0.05).all() and share("observer_ur.f").max() > 0.2

@@ -11,8 +11,7 @@
 #define AXIS_STATES 6
 #define AXIS_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
 
-static Joint joint_of(const Model *m)
-{
+static Joint joint_of(const Model *m) {
     Joint j;
 #define JOINT_FIELD(name) j.name = m->name;
     JOINT_PARAMETERS(JOINT_FIELD)
@@ -21,14 +20,12 @@ static Joint joint_of(const Model *m)
     return j;
 }
 
-static Ring delayed_ring(Model *m)
-{
+static Ring delayed_ring(Model *m) {
     Ring r = {m->delayed, DELAYED_CAPACITY, 2, (int)m->delayed_head, (int)m->delayed_count};
     return r;
 }
 
-static void set_start_state(Model *m)
-{
+static void set_start_state(Model *m) {
     m->q_link = m->q_motor = m->q_start;
     m->dq_link = m->dq_motor = m->dq_start;
     m->z = m->tau_lag = 0;
@@ -36,8 +33,7 @@ static void set_start_state(Model *m)
 }
 
 /* What the amplifier would deliver without lag (N m). */
-static double delivered(Model *m, const Joint *j)
-{
+static double delivered(Model *m, const Joint *j) {
     double command = m->tau;
     if (m->time_delay > 0 && m->delayed_count > 0) {
         const Ring ring = delayed_ring(m);
@@ -47,8 +43,7 @@ static double delivered(Model *m, const Joint *j)
 }
 
 /* Required torque from the other joint (N m). */
-static double coupling(const Model *m, const Joint *j)
-{
+static double coupling(const Model *m, const Joint *j) {
     double torque = 0;
     if (m->coupling_viscous != 0) torque += m->coupling_viscous * m->dq_other;
     if (m->coupling_coulomb != 0) torque += m->coupling_coulomb * joint_sign(j, m->dq_other);
@@ -56,8 +51,7 @@ static double coupling(const Model *m, const Joint *j)
     return torque;
 }
 
-static void derivatives(Model *m, double t)
-{
+static void derivatives(Model *m, double t) {
     const Joint j = joint_of(m);
     const int elastic = j.joint_compliance > 0;
     double inertia = m->inertia;
@@ -85,16 +79,16 @@ static void derivatives(Model *m, double t)
     m->ddq = (torque + m->f) / inertia;
 }
 
-static const char *start(Model *m)
-{
+static const char *start(Model *m) {
     const Joint j = joint_of(m);
     set_start_state(m);
     m->last_time = m->origin;
     const char *problem = joint_check(&j, 1, (char *)m->text, sizeof m->text);
     if (problem) return problem;
     if (j.joint_compliance > 0 && !(j.motor_inertia < m->inertia)) {
-        snprintf((char *)m->text, sizeof m->text, "motor_inertia = %g is outside (0, %g): an elastic joint needs a part of the inertia",
-            m->motor_inertia, m->inertia);
+        snprintf((char *)m->text, sizeof m->text,
+                 "motor_inertia = %g is outside (0, %g): an elastic joint needs a part of the inertia",
+                 m->motor_inertia, m->inertia);
         return (const char *)m->text;
     }
     if (m->actuator_lag > 0) m->tau_lag = delivered(m, &j);
@@ -102,8 +96,7 @@ static const char *start(Model *m)
     return NULL;
 }
 
-static const char *sample(Model *m, double t)
-{
+static const char *sample(Model *m, double t) {
     const Joint j = joint_of(m);
     const double step = m->step, record[2] = {m->last_time, m->tau}, *state = AXIS_STATE(m);
     char *text = (char *)m->text;
@@ -126,8 +119,7 @@ static const char *sample(Model *m, double t)
     return NULL;
 }
 
-static void outputs(Model *m, double t)
-{
+static void outputs(Model *m, double t) {
     (void)t;
     const Joint j = joint_of(m);
     const int elastic = j.joint_compliance > 0;

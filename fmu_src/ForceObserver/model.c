@@ -1,21 +1,20 @@
 /* Contact force observer (Taati 4.4, Eqs. 20 and 21 with sign and frame put right). README.md.
  *
  *   f = J^-T L{Y pi + friction - tau},   L(s) = w / (w + s)
- *   L{M ddq + C dq} = w (p - L p) - L{C' dq},  p = M dq      because dp/dt = M ddq + C dq + C' dq: no acceleration is needed
+ *   L{M ddq + C dq} = w (p - L p) - L{C' dq},  p = M dq
+ *   because dp/dt = M ddq + C dq + C' dq: no acceleration is needed
  * Each L is exact for inputs that are linear between samples.
  */
 #include "../PhantomArm/arm.h"
 
 /* One sample of L: low is the filter's state, the input goes from `before` to `now` within w h = a. */
-static double low_pass(double low, double before, double now, double a)
-{
+static double low_pass(double low, double before, double now, double a) {
     const double decay = exp_real(-a), gain = a > 1e-8 ? (1 - decay) / a : 1 - 0.5 * a;
     return decay * low + (1 - decay) * before + (1 - gain) * (now - before);
 }
 
 /* p = M dq and the torques that are not its derivative: - C' dq + N + friction. */
-static void measure(const Model *m, const ArmPose *pose, double p[3], double rest[3])
-{
+static void measure(const Model *m, const ArmPose *pose, double p[3], double rest[3]) {
     double body[8], transposed[3], gravity[3];
     memcpy(body, m->pi, sizeof body);
     if ((int)m->mounting == MOUNTING_UPSIDE_DOWN) {
@@ -29,13 +28,13 @@ static void measure(const Model *m, const ArmPose *pose, double p[3], double res
     arm_coriolis_transposed(body, pose, m->dq, transposed);
     arm_gravity(body, pose, gravity);
     for (int i = 0; i < 3; i++)
-        rest[i] = gravity[i] - transposed[i] + arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq[i]);
+        rest[i] =
+            gravity[i] - transposed[i] + arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq[i]);
 }
 
 /* J' f = torque: in the tool frame by Jp of Eq. 21, then f = R f_tool with the tool's axes
  * ex = (c1, 0, -s1), ey = (-s1 s3, c3, -c1 s3), ez = (s1 c3, s3, c1 c3). Returns 0 at a singular pose. */
-static int tip_force(const ArmPose *p, const double torque[3], double base[3], double tool[3])
-{
+static int tip_force(const ArmPose *p, const double torque[3], double base[3], double tool[3]) {
     const double r = arm_radius(p), c23 = p->c2 * p->c3 + p->s2 * p->s3, s23 = p->s2 * p->c3 - p->c2 * p->s3;
     if (fabs(r) < 1e-4 || fabs(c23) < 1e-3) return 0;
     tool[0] = torque[0] / r;
@@ -47,8 +46,7 @@ static int tip_force(const ArmPose *p, const double torque[3], double base[3], d
     return 1;
 }
 
-static void estimate(Model *m, const ArmPose *pose)
-{
+static void estimate(Model *m, const ArmPose *pose) {
     double with[3], without[3];
     for (int i = 0; i < 3; i++) {
         with[i] = m->bandwidth * (m->momentum[i] - m->momentum_low[i]) + m->rest_low[i] - m->torque_low[i];
@@ -57,8 +55,7 @@ static void estimate(Model *m, const ArmPose *pose)
     m->valid = tip_force(pose, with, m->f, m->f_tool) && tip_force(pose, without, m->f_static, m->f_static_tool);
 }
 
-static const char *start(Model *m)
-{
+static const char *start(Model *m) {
     const ArmPose pose = arm_pose(m->q);
     measure(m, &pose, m->momentum, m->rest);
     memcpy(m->momentum_low, m->momentum, sizeof m->momentum);
@@ -70,8 +67,7 @@ static const char *start(Model *m)
     return NULL;
 }
 
-static const char *sample(Model *m, double t)
-{
+static const char *sample(Model *m, double t) {
     const double a = m->bandwidth * (t - m->last_time);
     double p[3], rest[3];
     const ArmPose pose = arm_pose(m->q);
@@ -89,8 +85,7 @@ static const char *sample(Model *m, double t)
     return NULL;
 }
 
-static void outputs(Model *m, double t)
-{
+static void outputs(Model *m, double t) {
     (void)m;
     (void)t;
 }

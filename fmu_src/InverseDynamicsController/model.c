@@ -4,8 +4,7 @@
  */
 #include "../PhantomArm/arm.h"
 
-static void control(Model *m)
-{
+static void control(Model *m) {
     double body[8], wanted[3], coriolis[3], gravity[3];
     memcpy(body, m->pi, sizeof body);
     if ((int)m->mounting == MOUNTING_UPSIDE_DOWN) {
@@ -15,7 +14,8 @@ static void control(Model *m)
     const ArmPose p = arm_pose(m->q);
     const ArmInertia inertia = arm_inertia(body, &p);
     for (int i = 0; i < 3; i++)
-        wanted[i] = m->ddq_ref[i] + m->derivative_gain[i] * (m->dq_ref[i] - m->dq[i]) + m->proportional_gain[i] * (m->q_ref[i] - m->q[i]);
+        wanted[i] = m->ddq_ref[i] + m->derivative_gain[i] * (m->dq_ref[i] - m->dq[i]) +
+                    m->proportional_gain[i] * (m->q_ref[i] - m->q[i]);
     arm_coriolis(body, &p, m->dq, coriolis);
     arm_gravity(body, &p, gravity);
     m->tau[0] = inertia.m11 * wanted[0];
@@ -32,21 +32,18 @@ static void control(Model *m)
     }
 }
 
-static const char *start(Model *m)
-{
+static const char *start(Model *m) {
     control(m);
     return NULL;
 }
 
-static const char *sample(Model *m, double t)
-{
+static const char *sample(Model *m, double t) {
     (void)t;
     control(m);
     return NULL;
 }
 
-static void outputs(Model *m, double t)
-{
+static void outputs(Model *m, double t) {
     (void)m;
     (void)t;
 }

@@ -1,9 +1,9 @@
-/* Rigid-body physics of the PHANToM Premium 1.5A, in `real`: one source for the FMU and for the vector lanes of a sweep.
+/* Rigid-body physics of the PHANToM Premium 1.5A, in `real`: one source for the FMU and a sweep's vector lanes.
  *
  * Sources: Taati et al. 2008 (Eqs. 4, 5, 21), Sallam et al. (kinematics), with their misprints put right (README.md).
  * q2 and q3 are absolute angles (parallelogram). pi[0..7] are the papers' pi_d1..pi_d6, pi_g7, pi_g8.
  *
- *     M(q) ddq + C(q, dq) dq + N(q) + friction = tau + J(q)^T f        f: force of the outside world on the tip, base frame
+ *     M(q) ddq + C(q, dq) dq + N(q) + friction = tau + J(q)^T f     f: force on the tip, base frame
  *     T = dq' M dq / 2,    V = pi7 sin q2 - pi8 cos q3
  */
 #ifndef ARM_H
@@ -11,8 +11,8 @@
 
 #include "elementary.h"
 
-#define ARM_L1 0.215 /* m, shoulder to elbow */
-#define ARM_L2 0.170 /* m, elbow to tip */
+#define ARM_L1 0.215     /* m, shoulder to elbow */
+#define ARM_L2 0.170     /* m, elbow to tip */
 #define ARM_GRAVITY 9.81 /* m/s^2 */
 
 typedef struct {
@@ -23,8 +23,7 @@ typedef struct {
     real m11, m22, m33, m23; /* kg m^2; m12 = m13 = 0 */
 } ArmInertia;
 
-static inline ArmPose arm_pose(const real q[3])
-{
+static inline ArmPose arm_pose(const real q[3]) {
     ArmPose p;
     sincos_real(q[0], &p.s1, &p.c1);
     sincos_real(q[1], &p.s2, &p.c2);
@@ -33,11 +32,12 @@ static inline ArmPose arm_pose(const real q[3])
 }
 
 /* r = l1 cos q2 + l2 sin q3: distance of the tip from the vertical axis (m). */
-static inline real arm_radius(const ArmPose *p) { return ARM_L1 * p->c2 + ARM_L2 * p->s3; }
+static inline real arm_radius(const ArmPose *p) {
+    return ARM_L1 * p->c2 + ARM_L2 * p->s3;
+}
 
 /* x = (sin q1 r, l2 - l2 cos q3 + l1 sin q2, cos q1 r - l1), y up, x(0) = 0 (m). */
-static inline void arm_position(const ArmPose *p, real x[3])
-{
+static inline void arm_position(const ArmPose *p, real x[3]) {
     const real r = arm_radius(p);
     x[0] = p->s1 * r;
     x[1] = ARM_L2 - ARM_L2 * p->c3 + ARM_L1 * p->s2;
@@ -45,8 +45,7 @@ static inline void arm_position(const ArmPose *p, real x[3])
 }
 
 /* dx = J dq (m/s). */
-static inline void arm_velocity(const ArmPose *p, const real dq[3], real dx[3])
-{
+static inline void arm_velocity(const ArmPose *p, const real dq[3], real dx[3]) {
     const real r = arm_radius(p), dr = ARM_L2 * p->c3 * dq[2] - ARM_L1 * p->s2 * dq[1];
     dx[0] = p->c1 * r * dq[0] + p->s1 * dr;
     dx[1] = ARM_L1 * p->c2 * dq[1] + ARM_L2 * p->s3 * dq[2];
@@ -54,8 +53,7 @@ static inline void arm_velocity(const ArmPose *p, const real dq[3], real dx[3])
 }
 
 /* tau = J' f (N m). */
-static inline void arm_torque_of_force(const ArmPose *p, const real f[3], real tau[3])
-{
+static inline void arm_torque_of_force(const ArmPose *p, const real f[3], real tau[3]) {
     const real radial = p->s1 * f[0] + p->c1 * f[2];
     tau[0] = arm_radius(p) * (p->c1 * f[0] - p->s1 * f[2]);
     tau[1] = ARM_L1 * (p->c2 * f[1] - p->s2 * radial);
@@ -63,8 +61,7 @@ static inline void arm_torque_of_force(const ArmPose *p, const real f[3], real t
 }
 
 /* M11 = p1 + p2 cos 2q2 + p3 cos 2q3 + p4 cos q2 sin q3,  M22 = p5,  M33 = p6,  M23 = -p4/2 sin(q2 - q3). */
-static inline ArmInertia arm_inertia(const real pi[8], const ArmPose *p)
-{
+static inline ArmInertia arm_inertia(const real pi[8], const ArmPose *p) {
     ArmInertia m;
     const real cos2q2 = p->c2 * p->c2 - p->s2 * p->s2, cos2q3 = p->c3 * p->c3 - p->s3 * p->s3;
     m.m11 = pi[0] + pi[1] * cos2q2 + pi[2] * cos2q3 + pi[3] * (p->c2 * p->s3);
@@ -76,8 +73,7 @@ static inline ArmInertia arm_inertia(const real pi[8], const ArmPose *p)
 
 /* c = C(q, dq) dq (N m), C of the Christoffel symbols: D2 = dM11/dq2, D3 = dM11/dq3, k = p4/2 cos(q2 - q3);
  * c = (dq1 (D2 dq2 + D3 dq3), -D2 dq1^2 / 2 + k dq3^2, -D3 dq1^2 / 2 - k dq2^2). */
-static inline void arm_coriolis(const real pi[8], const ArmPose *p, const real dq[3], real c[3])
-{
+static inline void arm_coriolis(const real pi[8], const ArmPose *p, const real dq[3], real c[3]) {
     const real d2 = -4.0 * pi[1] * (p->s2 * p->c2) - pi[3] * (p->s2 * p->s3);
     const real d3 = -4.0 * pi[2] * (p->s3 * p->c3) + pi[3] * (p->c2 * p->c3);
     const real k = 0.5 * pi[3] * (p->c2 * p->c3 + p->s2 * p->s3);
@@ -88,8 +84,7 @@ static inline void arm_coriolis(const real pi[8], const ArmPose *p, const real d
 }
 
 /* c = C(q, dq)' dq (N m): with dM/dt = C + C', d(M dq)/dt = M ddq + C dq + C' dq. The filtered regressor needs it. */
-static inline void arm_coriolis_transposed(const real pi[8], const ArmPose *p, const real dq[3], real c[3])
-{
+static inline void arm_coriolis_transposed(const real pi[8], const ArmPose *p, const real dq[3], real c[3]) {
     const real d2 = -4.0 * pi[1] * (p->s2 * p->c2) - pi[3] * (p->s2 * p->s3);
     const real d3 = -4.0 * pi[2] * (p->s3 * p->c3) + pi[3] * (p->c2 * p->c3);
     const real k = 0.5 * pi[3] * (p->c2 * p->c3 + p->s2 * p->s3);
@@ -100,17 +95,16 @@ static inline void arm_coriolis_transposed(const real pi[8], const ArmPose *p, c
 }
 
 /* N = (0, p7 cos q2, p8 sin q3) (N m). */
-static inline void arm_gravity(const real pi[8], const ArmPose *p, real n[3])
-{
+static inline void arm_gravity(const real pi[8], const ArmPose *p, real n[3]) {
     n[0] = real_of(0.0);
     n[1] = pi[6] * p->c2;
     n[2] = pi[7] * p->s3;
 }
 
 /* N for an upward unit vector `up` in the base frame. The moving masses' first moment is (p7 u + p8 w)/g with
- * u = (s1 c2, s2, c1 c2) along the upper arm and w = (s1 s3, -c3, c1 s3) along the forearm, so V = up . (p7 u + p8 w). */
-static inline void arm_gravity_along(const real pi[8], const ArmPose *p, const real up[3], real n[3])
-{
+ * u = (s1 c2, s2, c1 c2) along the upper arm and w = (s1 s3, -c3, c1 s3) along the forearm, so
+ * V = up . (p7 u + p8 w). */
+static inline void arm_gravity_along(const real pi[8], const ArmPose *p, const real up[3], real n[3]) {
     const real radial = p->s1 * up[0] + p->c1 * up[2], across = p->c1 * up[0] - p->s1 * up[2];
     n[0] = across * (pi[6] * p->c2 + pi[7] * p->s3);
     n[1] = pi[6] * (up[1] * p->c2 - radial * p->s2);
@@ -118,8 +112,7 @@ static inline void arm_gravity_along(const real pi[8], const ArmPose *p, const r
 }
 
 /* ddq = M^-1 b: a scalar and a 2x2 block (rad/s^2). */
-static inline void arm_accelerate(const ArmInertia *m, const real b[3], real ddq[3])
-{
+static inline void arm_accelerate(const ArmInertia *m, const real b[3], real ddq[3]) {
     const real inverse = 1.0 / (m->m22 * m->m33 - m->m23 * m->m23);
     ddq[0] = b[0] / m->m11;
     ddq[1] = (m->m33 * b[1] - m->m23 * b[2]) * inverse;
@@ -128,31 +121,33 @@ static inline void arm_accelerate(const ArmInertia *m, const real b[3], real ddq
 
 /* True where M is positive definite by a margin: every pivot above 1e-6 of the entry it comes from, and M11 above
  * `floor` kg m^2. The identified columns of Taati's Table 1 fail this in part of the workspace. */
-static inline mask arm_positive_definite(const ArmInertia *m, real floor)
-{
-    return (m->m11 > floor) & (m->m22 > 0.0) & (m->m33 > 0.0)
-         & (m->m22 * m->m33 - m->m23 * m->m23 > 1e-6 * m->m22 * m->m33);
+static inline mask arm_positive_definite(const ArmInertia *m, real floor) {
+    return (m->m11 > floor) & (m->m22 > 0.0) & (m->m33 > 0.0) &
+           (m->m22 * m->m33 - m->m23 * m->m23 > 1e-6 * m->m22 * m->m33);
 }
 
 /* Workspace: the box of Sallam's Table I and the linkage's limits q2 - q3 <= 65 deg, q3 - q2 <= 55 deg. */
-static inline mask arm_inside(const real q[3])
-{
+static inline mask arm_inside(const real q[3]) {
     const double degree = PI / 180.0;
     const real between = q[1] - q[2];
-    return (q[0] >= -90.0 * degree) & (q[0] <= 90.0 * degree) & (q[1] >= -57.7 * degree) & (q[1] <= 115.0 * degree)
-         & (q[2] >= -25.7 * degree) & (q[2] <= 167.5 * degree) & (between <= 65.0 * degree) & (between >= -55.0 * degree);
+    return (q[0] >= -90.0 * degree) & (q[0] <= 90.0 * degree) & (q[1] >= -57.7 * degree) & (q[1] <= 115.0 * degree) &
+           (q[2] >= -25.7 * degree) & (q[2] <= 167.5 * degree) & (between <= 65.0 * degree) &
+           (between >= -55.0 * degree);
 }
 
 /* s(dq) = dq / sqrt(dq^2 + v^2): the sign of dq, regularised over v > 0 rad/s. */
-static inline real arm_sign(real dq, real v) { return dq / real_sqrt(dq * dq + v * v); }
+static inline real arm_sign(real dq, real v) {
+    return dq / real_sqrt(dq * dq + v * v);
+}
 
 /* friction = viscous dq + coulomb s(dq) (N m). */
-static inline real arm_friction(real viscous, real coulomb, real v, real dq) { return viscous * dq + coulomb * arm_sign(dq, v); }
+static inline real arm_friction(real viscous, real coulomb, real v, real dq) {
+    return viscous * dq + coulomb * arm_sign(dq, v);
+}
 
 /* A payload of m kg at the tip, as physics: it adds m J'J to M and m g J_y to N.
  * `gravity` is +9.81 upright and -9.81 where pi holds upside-down gravity. */
-static inline void arm_add_payload(real pi[8], real mass, real gravity)
-{
+static inline void arm_add_payload(real pi[8], real mass, real gravity) {
     pi[0] = pi[0] + 0.5 * mass * (ARM_L1 * ARM_L1 + ARM_L2 * ARM_L2);
     pi[1] = pi[1] + 0.5 * mass * (ARM_L1 * ARM_L1);
     pi[2] = pi[2] - 0.5 * mass * (ARM_L2 * ARM_L2);

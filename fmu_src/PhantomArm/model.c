@@ -15,8 +15,7 @@
 
 static const int coupled[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
 
-static Joint joint_of(const Model *m, int i)
-{
+static Joint joint_of(const Model *m, int i) {
     Joint j;
 #define JOINT_FIELD(name) j.name = m->name[i];
     JOINT_PARAMETERS(JOINT_FIELD)
@@ -25,22 +24,20 @@ static Joint joint_of(const Model *m, int i)
     return j;
 }
 
-static Ring delayed_ring(Model *m)
-{
+static Ring delayed_ring(Model *m) {
     Ring r = {m->delayed, DELAYED_CAPACITY, 7, (int)m->delayed_head, (int)m->delayed_count};
     return r;
 }
 
-static int any(const double *values, int n)
-{
+static int any(const double *values, int n) {
     for (int i = 0; i < n; i++)
         if (values[i] != 0) return 1;
     return 0;
 }
 
-/* pi with mounting and payload; up = (sin a, cos a cos b, cos a sin b): the vertical leans by a towards x and by b towards z. */
-static void set_body(Model *m)
-{
+/* pi with mounting and payload; up = (sin a, cos a cos b, cos a sin b): the vertical leans by a towards x and b
+ * towards z. */
+static void set_body(Model *m) {
     const double gravity = (int)m->mounting == MOUNTING_UPSIDE_DOWN ? -1.0 : 1.0;
     double s1, c1, s2, c2;
     memcpy(m->body, m->pi, sizeof m->body);
@@ -54,8 +51,7 @@ static void set_body(Model *m)
     m->up[2] = c1 * s2;
 }
 
-static void set_start_state(Model *m)
-{
+static void set_start_state(Model *m) {
     memcpy(m->q_link, m->q_start, sizeof m->q_link);
     memcpy(m->dq_link, m->dq_start, sizeof m->dq_link);
     memcpy(m->q_motor, m->q_start, sizeof m->q_motor);
@@ -66,8 +62,7 @@ static void set_start_state(Model *m)
 
 /* Command number k (tau1..3, f_command1..3) that joint i follows in the present communication step: the input, or the
  * command of `time_delay` earlier. */
-static double commanded(Model *m, int k, int i)
-{
+static double commanded(Model *m, int k, int i) {
     const double present = k < 3 ? m->tau[k] : m->f_command[k - 3];
     if (!(m->time_delay[i] > 0) || m->delayed_count == 0) return present;
     const Ring ring = delayed_ring(m);
@@ -75,8 +70,7 @@ static double commanded(Model *m, int k, int i)
 }
 
 /* Torque commanded to motor i: tau + (J' f_command)_i, each as old as the joint's time_delay (N m). */
-static double command_of(Model *m, const ArmPose *p, int i)
-{
+static double command_of(Model *m, const ArmPose *p, int i) {
     double torque[3];
     const double force[3] = {commanded(m, 3, i), commanded(m, 4, i), commanded(m, 5, i)};
     arm_torque_of_force(p, force, torque);
@@ -84,8 +78,7 @@ static double command_of(Model *m, const ArmPose *p, int i)
 }
 
 /* What the amplifiers would deliver without lag (N m). */
-static void delivered(Model *m, const ArmPose *p, double torque[3])
-{
+static void delivered(Model *m, const ArmPose *p, double torque[3]) {
     double device[3] = {0, 0, 0}, gravity[3] = {0, 0, 0};
     arm_torque_of_force(p, m->f_command, device);
     for (int i = 0; i < 3; i++) torque[i] = m->delays != 0 ? command_of(m, p, i) : m->tau[i] + device[i];
@@ -112,8 +105,7 @@ static void delivered(Model *m, const ArmPose *p, double torque[3])
 }
 
 /* f = -n max(0, k (n . x - distance) + c n . dx) where n . x > distance: the wall pushes, never pulls (N). */
-static void contact_force(const Model *m, const ArmPose *p, double force[3])
-{
+static void contact_force(const Model *m, const ArmPose *p, double force[3]) {
     double x[3], dx[3], depth = -m->contact_distance, rate = 0;
     arm_position(p, x);
     arm_velocity(p, m->dq_link, dx);
@@ -126,8 +118,7 @@ static void contact_force(const Model *m, const ArmPose *p, double force[3])
 }
 
 /* Required torque on joint i from the motion of joint j, added to `torque` (N m). */
-static void add_coupling(const Model *m, const double q[3], const double dq[3], double torque[3])
-{
+static void add_coupling(const Model *m, const double q[3], const double dq[3], double torque[3]) {
     for (int k = 0; k < 6; k++) {
         const int i = coupled[k][0], j = coupled[k][1];
         if (m->coupling_viscous[k] != 0) torque[i] += m->coupling_viscous[k] * dq[j];
@@ -137,8 +128,7 @@ static void add_coupling(const Model *m, const double q[3], const double dq[3], 
 }
 
 /* Angle and velocity on the encoder's side: the motor's where the joint is elastic. */
-static void motor_side(const Model *m, double q[3], double dq[3])
-{
+static void motor_side(const Model *m, double q[3], double dq[3]) {
     for (int i = 0; i < 3; i++) {
         const int elastic = m->elastic[i] != 0;
         q[i] = elastic ? m->q_motor[i] : m->q_link[i];
@@ -146,9 +136,8 @@ static void motor_side(const Model *m, double q[3], double dq[3])
     }
 }
 
-/* Torque on each link from its joint, and the derivatives of the joint's own states. `inertia` loses the motors' shares. */
-static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *inertia, double torque[3])
-{
+/* Torque on each link from its joint, and derivatives of the joint's own states. `inertia` loses the motors' shares. */
+static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *inertia, double torque[3]) {
     double ideal[3], q[3], dq[3], coupling[3] = {0, 0, 0};
     double *diagonal[3] = {&inertia->m11, &inertia->m22, &inertia->m33};
     delivered(m, p, ideal);
@@ -171,8 +160,7 @@ static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *iner
     }
 }
 
-static void clear_derivatives(Model *m)
-{
+static void clear_derivatives(Model *m) {
     memset(m->der_q_link, 0, sizeof m->der_q_link);
     memset(m->ddq, 0, sizeof m->ddq);
     memset(m->der_z, 0, sizeof m->der_z);
@@ -182,8 +170,7 @@ static void clear_derivatives(Model *m)
 }
 
 /* M ddq = joint torques + J' (f + f_contact) - C dq - N */
-static void derivatives(Model *m, double t)
-{
+static void derivatives(Model *m, double t) {
     double torque[3], outside[3], coriolis[3], gravity[3], balance[3];
     clear_derivatives(m);
     if (m->domain == 0) return;
@@ -194,8 +181,9 @@ static void derivatives(Model *m, double t)
         delivered(m, &p, torque);
         for (int i = 0; i < 3; i++) {
             if (m->viscous[i] == 0 && m->coulomb[i] == 0) continue;
-            torque[i] -= m->coulomb[i] == 0 ? m->viscous[i] * m->dq_link[i]
-                : arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq_link[i]);
+            torque[i] -= m->coulomb[i] == 0
+                             ? m->viscous[i] * m->dq_link[i]
+                             : arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq_link[i]);
         }
         if (m->extras != 0) {
             double coupling[3] = {0, 0, 0};
@@ -208,8 +196,10 @@ static void derivatives(Model *m, double t)
 
     arm_torque_of_force(&p, m->f, outside);
     arm_coriolis(m->body, &p, m->dq_link, coriolis);
-    if (m->base_tilt[0] != 0 || m->base_tilt[1] != 0) arm_gravity_along(m->body, &p, m->up, gravity);
-    else arm_gravity(m->body, &p, gravity);
+    if (m->base_tilt[0] != 0 || m->base_tilt[1] != 0)
+        arm_gravity_along(m->body, &p, m->up, gravity);
+    else
+        arm_gravity(m->body, &p, gravity);
     for (int i = 0; i < 3; i++) balance[i] = torque[i] + outside[i] - coriolis[i] - gravity[i];
     if (m->contact_stiffness > 0) {
         double force[3], push[3];
@@ -219,22 +209,25 @@ static void derivatives(Model *m, double t)
     }
 
     memcpy(m->der_q_link, m->dq_link, sizeof m->der_q_link);
-    if (arm_positive_definite(&inertia, 1e-5)) arm_accelerate(&inertia, balance, m->ddq);
-    else m->indefinite = 1;
+    if (arm_positive_definite(&inertia, 1e-5))
+        arm_accelerate(&inertia, balance, m->ddq);
+    else
+        m->indefinite = 1;
 }
 
-/* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. Completes elastic joints. */
-static const char *check_relations(Model *m)
-{
+/* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. Completes
+ * elastic joints. */
+static const char *check_relations(Model *m) {
     char *text = (char *)m->text;
     const size_t size = sizeof m->text;
     const ArmPose p = arm_pose(m->q_start);
     ArmInertia inertia = arm_inertia(m->body, &p);
     double *diagonal[3] = {&inertia.m11, &inertia.m22, &inertia.m33};
     if (!arm_positive_definite(&inertia, 1e-5)) {
-        snprintf(text, size, "pi: M(q_start) is not positive definite: M11 = %.3g, M22 = %.3g, M33 = %.3g, det(M22..M33) = %.3g; "
-            "expected M11 > 1e-05 and the rest > 0", inertia.m11, inertia.m22, inertia.m33,
-            inertia.m22 * inertia.m33 - inertia.m23 * inertia.m23);
+        snprintf(text, size,
+                 "pi: M(q_start) is not positive definite: M11 = %.3g, M22 = %.3g, M33 = %.3g, det(M22..M33) = %.3g; "
+                 "expected M11 > 1e-05 and the rest > 0",
+                 inertia.m11, inertia.m22, inertia.m33, inertia.m22 * inertia.m33 - inertia.m23 * inertia.m23);
         return text;
     }
     for (int i = 0; i < 3; i++) {
@@ -245,27 +238,30 @@ static const char *check_relations(Model *m)
         m->elastic[i] = j.joint_compliance > 0;
         if (m->elastic[i] == 0) continue;
         if (!(j.motor_inertia < *diagonal[i])) {
-            snprintf(text, size, "motor_inertia[%d] = %g is outside (0, %.6g): an elastic joint needs a part of the inertia of pi",
-                i + 1, m->motor_inertia[i], *diagonal[i]);
+            snprintf(text, size,
+                     "motor_inertia[%d] = %g is outside (0, %.6g): an elastic joint needs a part of the inertia of pi",
+                     i + 1, m->motor_inertia[i], *diagonal[i]);
             return text;
         }
         *diagonal[i] -= j.motor_inertia;
     }
     if (!arm_positive_definite(&inertia, 1e-5)) {
-        snprintf(text, size, "motor_inertia = %g, %g, %g leaves links without positive definite M(q_start): make it smaller",
-            m->motor_inertia[0], m->motor_inertia[1], m->motor_inertia[2]);
+        snprintf(text, size,
+                 "motor_inertia = %g, %g, %g leaves links without positive definite M(q_start): make it smaller",
+                 m->motor_inertia[0], m->motor_inertia[1], m->motor_inertia[2]);
         return text;
     }
     if (m->contact_stiffness > 0 && !any(m->contact_normal, 3)) {
-        snprintf(text, size, "contact_normal = 0, 0, 0: contact_stiffness = %g needs a direction", m->contact_stiffness);
+        snprintf(text, size, "contact_normal = 0, 0, 0: contact_stiffness = %g needs a direction",
+                 m->contact_stiffness);
         return text;
     }
     return NULL;
 }
 
-/* Fastest rate of the in-device impedance at the start pose (1/s): per axis, with W = J M^-1 J', damping W_ii or sqrt(stiffness W_ii). */
-static double impedance_rate(const Model *m)
-{
+/* Fastest rate of the in-device impedance at the start pose (1/s): per axis, with W = J M^-1 J', damping W_ii or
+ * sqrt(stiffness W_ii). */
+static double impedance_rate(const Model *m) {
     const ArmPose p = arm_pose(m->q_start);
     const ArmInertia inertia = arm_inertia(m->body, &p);
     double fastest = 0;
@@ -280,8 +276,7 @@ static double impedance_rate(const Model *m)
     return fastest;
 }
 
-static const char *start(Model *m)
-{
+static const char *start(Model *m) {
     double length = 0;
     set_body(m);
     set_start_state(m);
@@ -307,11 +302,12 @@ static const char *start(Model *m)
     return NULL;
 }
 
-/* What each joint cannot be integrated or delayed with, checked once a step; keeps the command of the step that ends at t. */
-static const char *finish_joints(Model *m, double t)
-{
+/* What each joint cannot be integrated or delayed with, checked once a step; keeps the command of the step
+ * that ends. */
+static const char *finish_joints(Model *m, double t) {
     const double step = m->step, longest = real_max(m->time_delay[0], real_max(m->time_delay[1], m->time_delay[2]));
-    const double record[7] = {m->last_time, m->tau[0], m->tau[1], m->tau[2], m->f_command[0], m->f_command[1], m->f_command[2]};
+    const double record[7] = {m->last_time,    m->tau[0],       m->tau[1],      m->tau[2],
+                              m->f_command[0], m->f_command[1], m->f_command[2]};
     char *text = (char *)m->text;
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);
@@ -328,21 +324,22 @@ static const char *finish_joints(Model *m, double t)
 }
 
 /* The domain: M positive definite along the motion, a finite state, and the workspace where it is asked for. */
-static int inside_domain(const Model *m)
-{
+static int inside_domain(const Model *m) {
     const double *state = (const double *)m + offsetof(Model, q_link) / sizeof(double);
     for (int i = 0; i < ARM_STATES; i++)
         if (!(fabs(state[i]) < 1e6)) return 0;
     return m->indefinite == 0 && (m->workspace_limits == 0 || arm_inside(m->q_link));
 }
 
-static const char *sample(Model *m, double t)
-{
+static const char *sample(Model *m, double t) {
     const char *problem = m->plain == 0 && m->domain != 0 ? finish_joints(m, t) : NULL;
     if (problem || m->domain == 0) return problem;
-    if (m->step * m->impedance_rate > 2.0 * m->internal_steps) { /* RK4 ends at 2.78; other poses are up to a third faster */
-        snprintf((char *)m->text, sizeof m->text, "stiffness and damping are too fast (%.4g 1/s) for the internal step of %g s: "
-            "set internal_steps to %.0f or more", m->impedance_rate, m->step / m->internal_steps, ceil(m->step * m->impedance_rate / 2));
+    if (m->step * m->impedance_rate > 2.0 * m->internal_steps) {
+        /* RK4 ends at 2.78; other poses are up to a third faster */
+        snprintf((char *)m->text, sizeof m->text,
+                 "stiffness and damping are too fast (%.4g 1/s) for the internal step of %g s: "
+                 "set internal_steps to %.0f or more",
+                 m->impedance_rate, m->step / m->internal_steps, ceil(m->step * m->impedance_rate / 2));
         return (const char *)m->text;
     }
     if (!inside_domain(m)) {
@@ -354,8 +351,7 @@ static const char *sample(Model *m, double t)
     return NULL;
 }
 
-static void outputs(Model *m, double t)
-{
+static void outputs(Model *m, double t) {
     (void)t;
     const ArmPose p = arm_pose(m->q_link);
     arm_position(&p, m->x_tip);

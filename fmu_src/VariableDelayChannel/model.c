@@ -17,50 +17,43 @@
 
 enum { STREAM_KNOTS, STREAM_CHAIN, STREAM_LOSS };
 
-static Ring ring_of(Model *m)
-{
+static Ring ring_of(Model *m) {
     Ring r = {m->ring, CAPACITY, WIDTH, (int)m->head, (int)m->count};
     return r;
 }
 
-static void keep(Model *m, const Ring *r)
-{
+static void keep(Model *m, const Ring *r) {
     m->head = r->head;
     m->count = r->count;
 }
 
 /* Turns of a periodic law at time t, in [0, 1). */
-static double turn(const Model *m, double t)
-{
+static double turn(const Model *m, double t) {
     const double turns = t / m->delay_period + m->delay_phase / (2 * PI);
     const double part = turns - floor(turns + 1e-12);
     return part < 0 ? 0 : part;
 }
 
 /* Uniform knot k: delay_min + (delay_max - delay_min) U_k. */
-static double uniform_knot(const Model *m, double k)
-{
+static double uniform_knot(const Model *m, double k) {
     return m->delay_min + (m->delay_max - m->delay_min) * random_uniform(m->seed, STREAM_KNOTS, k);
 }
 
 /* Knot k + 1 of the walk from knot k: a uniform step, reflected at delay_min and delay_max. */
-static double walk_on(const Model *m, double from, double k)
-{
+static double walk_on(const Model *m, double from, double k) {
     double next = from + m->delay_step * (2 * random_uniform(m->seed, STREAM_KNOTS, k + 1) - 1);
     if (next < m->delay_min) next = 2 * m->delay_min - next;
     if (next > m->delay_max) next = 2 * m->delay_max - next;
     return real_clamp(next, m->delay_min, m->delay_max);
 }
 
-static double between_knots(const Model *m, double t, double left, double right, double knot)
-{
+static double between_knots(const Model *m, double t, double left, double right, double knot) {
     if ((int)m->knots == KNOTS_HOLD) return left;
     return left + (right - left) * real_clamp((t - m->origin) / m->delay_interval - knot, 0.0, 1.0);
 }
 
 /* d(t) of the law (s). The random walk's knots move with t, which never goes back. */
-static double delay_at(Model *m, double t)
-{
+static double delay_at(Model *m, double t) {
     const double span = m->delay_max - m->delay_min, knot = floor((t - m->origin) / m->delay_interval + 1e-9);
     switch ((int)m->law) {
     case LAW_SINUSOIDAL: {
@@ -88,8 +81,7 @@ static double delay_at(Model *m, double t)
 }
 
 /* Gilbert-Elliott chain: one step per sample, then loss with the state's probability. */
-static int is_lost(Model *m)
-{
+static int is_lost(Model *m) {
     const double k = m->sent++;
     if (m->loss_to_bad == 0 && m->loss_good == 0) return 0;
     const double move = random_uniform(m->seed, STREAM_CHAIN, k);
@@ -99,24 +91,23 @@ static int is_lost(Model *m)
 
 /* Where a sample of time t stands in the ring (s). Arrivals are counted in nanoseconds, so that two packets due at the
  * same time are equal whatever the rounding of t + d; of those the later sent counts as later. */
-static double stamp_of(const Model *m, const Ring *r, double t, double delay)
-{
+static double stamp_of(const Model *m, const Ring *r, double t, double delay) {
     const double arrival = floor((t + delay) * 1e9 + 0.5) * 1e-9;
     if ((int)m->semantics == SEMANTICS_TIME_DELAY) return t;
-    if ((int)m->semantics == SEMANTICS_TRANSPORT_DELAY && r->count > 0) return real_max(arrival, ring_at(r, r->count - 1)[0]);
+    if ((int)m->semantics == SEMANTICS_TRANSPORT_DELAY && r->count > 0)
+        return real_max(arrival, ring_at(r, r->count - 1)[0]);
     return arrival;
 }
 
-static const char *too_long(Model *m, double delay, double t, double step)
-{
-    snprintf((char *)m->text, sizeof m->text, "delay of %g s at t = %g s does not fit the buffer of %d samples: %g s at the step of %g s",
-        delay, t, CAPACITY, CAPACITY * step, step);
+static const char *too_long(Model *m, double delay, double t, double step) {
+    snprintf((char *)m->text, sizeof m->text,
+             "delay of %g s at t = %g s does not fit the buffer of %d samples: %g s at the step of %g s", delay, t,
+             CAPACITY, CAPACITY * step, step);
     return (const char *)m->text;
 }
 
 /* Puts the sample of time t into the ring. The oldest record makes room when nothing needs it any more. */
-static const char *enter(Model *m, double t, double delay, double step)
-{
+static const char *enter(Model *m, double t, double delay, double step) {
     Ring r = ring_of(m);
     if (r.count == CAPACITY) {
         if ((int)m->semantics != SEMANTICS_TIME_DELAY) return too_long(m, delay, t, step);
@@ -131,19 +122,18 @@ static const char *enter(Model *m, double t, double delay, double step)
     return NULL;
 }
 
-static void present(Model *m, const double *signals, double sent, double t)
-{
+static void present(Model *m, const double *signals, double sent, double t) {
     memcpy(m->y, signals, sizeof m->y);
     memcpy(m->w, signals + 3, sizeof m->w);
     m->age = t - sent;
 }
 
 /* Shows record i, or with linear interpolation the point between records i and i + 1 at `target`. */
-static void receive(Model *m, const Ring *r, int i, double target, double t)
-{
+static void receive(Model *m, const Ring *r, int i, double target, double t) {
     const double *a = ring_at(r, i), *b = i + 1 < r->count ? ring_at(r, i + 1) : a;
     const double past = target - a[0], gap = b[0] - a[0];
-    if ((int)m->interpolation != INTERPOLATION_LINEAR || (int)m->semantics > SEMANTICS_TRANSPORT_DELAY || past <= RING_SAME || gap <= RING_SAME) {
+    if ((int)m->interpolation != INTERPOLATION_LINEAR || (int)m->semantics > SEMANTICS_TRANSPORT_DELAY ||
+        past <= RING_SAME || gap <= RING_SAME) {
         present(m, a + 2, a[1], t);
         return;
     }
@@ -153,15 +143,15 @@ static void receive(Model *m, const Ring *r, int i, double target, double t)
     present(m, mixed, a[1] + part * (b[1] - a[1]), t);
 }
 
-static const char *start(Model *m)
-{
+static const char *start(Model *m) {
     if ((int)m->law != LAW_CONSTANT && (int)m->law != LAW_RECORDED && m->delay_max < m->delay_min) {
-        snprintf((char *)m->text, sizeof m->text, "delay_max = %g s is outside [delay_min, inf) = [%g, inf)", m->delay_max, m->delay_min);
+        snprintf((char *)m->text, sizeof m->text, "delay_max = %g s is outside [delay_min, inf) = [%g, inf)",
+                 m->delay_max, m->delay_min);
         return (const char *)m->text;
     }
     if ((int)m->law == LAW_RANDOM_WALK && m->delay_step > m->delay_max - m->delay_min) {
         snprintf((char *)m->text, sizeof m->text, "delay_step = %g s is outside [0, %g]: [0, delay_max - delay_min]",
-            m->delay_step, m->delay_max - m->delay_min);
+                 m->delay_step, m->delay_max - m->delay_min);
         return (const char *)m->text;
     }
     m->walk[0] = uniform_knot(m, 0);
@@ -177,8 +167,7 @@ static const char *start(Model *m)
     return enter(m, t, m->delay_now, 0);
 }
 
-static const char *sample(Model *m, double t)
-{
+static const char *sample(Model *m, double t) {
     const double step = t - m->last_time, delay = delay_at(m, t);
     if (!(delay >= 0)) {
         snprintf((char *)m->text, sizeof m->text, "delay = %g s at t = %g s is outside [0, inf)", delay, t);
@@ -186,7 +175,8 @@ static const char *sample(Model *m, double t)
     }
     m->delay_now = delay;
     m->last_time = t;
-    if (is_lost(m)) m->lost++;
+    if (is_lost(m))
+        m->lost++;
     else {
         const char *problem = enter(m, t, delay, step);
         if (problem) return problem;
@@ -208,8 +198,7 @@ static const char *sample(Model *m, double t)
 }
 
 /* What was received stands in the outputs since start() or sample(). */
-static void outputs(Model *m, double t)
-{
+static void outputs(Model *m, double t) {
     (void)m;
     (void)t;
 }

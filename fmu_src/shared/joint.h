@@ -1,4 +1,4 @@
-/* What one joint does beside the rigid-body equations: friction, required torques, the actuator, elasticity, the encoder.
+/* What one joint does beside the rigid-body equations: friction, required torques, actuator, elasticity, encoder.
  *
  * Every effect of CONTRACT.md is a parameter that is zero by default, and a zero effect is skipped, not multiplied: the
  * bits of a run do not change by the presence of an absent effect. Names, units and meaning: joint.toml.
@@ -13,13 +13,16 @@
 
 #define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
 
+/* clang-format off */
 #define JOINT_PARAMETERS(F) \
-    F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(stribeck_exponent) F(coulomb_asymmetry) F(viscous_asymmetry) \
-    F(torque_offset) F(load_friction) F(position_friction_sin) F(position_friction_cos) F(position_torque) \
-    F(position_torque_quadratic) F(position_torque_cubic) F(position_torque_sin) F(position_torque_cos) F(ripple_sin) \
-    F(ripple_cos) F(ripple_order) F(hysteresis) F(hysteresis_length) F(quadratic_drag) F(friction_drift) F(torque_gain) \
-    F(torque_deadband) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) \
-    F(joint_damping) F(backlash) F(encoder_resolution) F(encoder_offset)
+    F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(stribeck_exponent) \
+    F(coulomb_asymmetry) F(viscous_asymmetry) F(torque_offset) F(load_friction) F(position_friction_sin) \
+    F(position_friction_cos) F(position_torque) F(position_torque_quadratic) F(position_torque_cubic) \
+    F(position_torque_sin) F(position_torque_cos) F(ripple_sin) F(ripple_cos) F(ripple_order) F(hysteresis) \
+    F(hysteresis_length) F(quadratic_drag) F(friction_drift) F(torque_gain) F(torque_deadband) F(torque_saturation) \
+    F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
+    F(encoder_resolution) F(encoder_offset)
+/* clang-format on */
 
 typedef struct {
 #define JOINT_FIELD(name) double name;
@@ -27,10 +30,9 @@ typedef struct {
 #undef JOINT_FIELD
 } Joint;
 
-/* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap so
- * stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */
-static inline void joint_complete(Joint *j, double inertia)
-{
+/* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap
+ * so stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */
+static inline void joint_complete(Joint *j, double inertia) {
     if (!(j->joint_compliance > 0 || j->backlash > 0)) return;
     if (!(j->motor_inertia > 0)) j->motor_inertia = inertia / 3;
     if (j->joint_compliance > 0) return;
@@ -39,34 +41,30 @@ static inline void joint_complete(Joint *j, double inertia)
 }
 
 /* s(dq) = dq / sqrt(dq^2 + v^2) */
-static inline double joint_sign(const Joint *j, double dq)
-{
+static inline double joint_sign(const Joint *j, double dq) {
     return dq / sqrt(dq * dq + j->coulomb_velocity * j->coulomb_velocity);
 }
 
 /* True where friction is viscous and Coulomb only and the actuator and encoder are ideal. */
-static inline int joint_is_plain(const Joint *j)
-{
-    return j->stribeck == 0 && j->coulomb_asymmetry == 0 && j->viscous_asymmetry == 0 && j->torque_offset == 0
-        && j->load_friction == 0 && j->position_friction_sin == 0 && j->position_friction_cos == 0
-        && j->position_torque == 0 && j->position_torque_quadratic == 0 && j->position_torque_cubic == 0
-        && j->position_torque_sin == 0 && j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0
-        && j->hysteresis == 0 && j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0
-        && j->torque_deadband == 0 && j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0
-        && j->joint_compliance == 0 && j->backlash == 0;
+static inline int joint_is_plain(const Joint *j) {
+    return j->stribeck == 0 && j->coulomb_asymmetry == 0 && j->viscous_asymmetry == 0 && j->torque_offset == 0 &&
+           j->load_friction == 0 && j->position_friction_sin == 0 && j->position_friction_cos == 0 &&
+           j->position_torque == 0 && j->position_torque_quadratic == 0 && j->position_torque_cubic == 0 &&
+           j->position_torque_sin == 0 && j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0 &&
+           j->hysteresis == 0 && j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 &&
+           j->torque_deadband == 0 && j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 &&
+           j->joint_compliance == 0 && j->backlash == 0;
 }
 
 /* fv dq + fc s (N m) */
-static inline double joint_basic_friction(const Joint *j, double dq)
-{
+static inline double joint_basic_friction(const Joint *j, double dq) {
     double torque = j->viscous * dq;
     if (j->coulomb != 0) torque += j->coulomb * joint_sign(j, dq);
     return torque;
 }
 
 /* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: Dahl's state. */
-static inline double joint_required(const Joint *j, double q, double dq, double z, double tau_motor, double t)
-{
+static inline double joint_required(const Joint *j, double q, double dq, double z, double tau_motor, double t) {
     const double s = joint_sign(j, dq), speed = fabs(dq);
     double torque = joint_basic_friction(j, dq), sine = 0, cosine = 0;
     if (j->friction_drift != 0) torque *= 1 + j->friction_drift * t;
@@ -80,8 +78,8 @@ static inline double joint_required(const Joint *j, double q, double dq, double 
     if (j->load_friction != 0) torque += j->load_friction * fabs(tau_motor) * s;
     if (j->hysteresis != 0) torque += j->hysteresis * z;
     if (j->torque_offset != 0) torque += j->torque_offset;
-    if (j->position_friction_sin != 0 || j->position_friction_cos != 0 || j->position_torque_sin != 0
-        || j->position_torque_cos != 0) {
+    if (j->position_friction_sin != 0 || j->position_friction_cos != 0 || j->position_torque_sin != 0 ||
+        j->position_torque_cos != 0) {
         sincos_real(q, &sine, &cosine);
         torque += (j->position_friction_sin * sine + j->position_friction_cos * cosine) * s;
         torque += j->position_torque_sin * sine + j->position_torque_cos * cosine;
@@ -97,18 +95,18 @@ static inline double joint_required(const Joint *j, double q, double dq, double 
 }
 
 /* dz/dt = (dq - |dq| z)/length, z kept within +-1 (1/s): bounded even where |dq| h > length. */
-static inline double joint_hysteresis_rate(const Joint *j, double dq, double z)
-{
+static inline double joint_hysteresis_rate(const Joint *j, double dq, double z) {
     return (dq - fabs(dq) * real_clamp(z, -1.0, 1.0)) / j->hysteresis_length;
 }
 
-/* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left alone: in
- * model exchange a changed state is an event. */
-static inline double joint_hysteresis_limit(double z) { return fabs(z) > 1.001 ? (z > 0 ? 1.0 : -1.0) : z; }
+/* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left
+ * alone: in model exchange a changed state is an event. */
+static inline double joint_hysteresis_limit(double z) {
+    return fabs(z) > 1.001 ? (z > 0 ? 1.0 : -1.0) : z;
+}
 
 /* The amplifier: (1 + gain) u, then the deadband, then the limit (N m). */
-static inline double joint_delivered(const Joint *j, double command)
-{
+static inline double joint_delivered(const Joint *j, double command) {
     double u = command;
     if (j->torque_gain != 0) u *= 1 + j->torque_gain;
     if (j->torque_deadband > 0) u -= real_clamp(u, -j->torque_deadband, j->torque_deadband);
@@ -117,8 +115,7 @@ static inline double joint_delivered(const Joint *j, double command)
 }
 
 /* Torque from motor to link (N m): spring behind a gap of `backlash`, damper while the gap is closed. */
-static inline double joint_spring(const Joint *j, double stretch, double rate)
-{
+static inline double joint_spring(const Joint *j, double stretch, double rate) {
     const double half = 0.5 * j->backlash;
     const double beyond = stretch - real_clamp(stretch, -half, half);
     double torque = beyond / j->joint_compliance;
@@ -126,11 +123,11 @@ static inline double joint_spring(const Joint *j, double stretch, double rate)
     return torque;
 }
 
-/* The command of `delay` earlier. A command is held over its step; the ring holds (start of step, commands), `now` is the
- * start of the present step and `present` its command. Where the delay is k + a steps, the two commands that share this
- * step are averaged, a u[n-k-1] + (1 - a) u[n-k]: exact for whole steps, the right impulse for others, no jump inside a step. */
-static inline double joint_delayed_command(const Ring *ring, int column, double present, double now, double delay)
-{
+/* The command of `delay` earlier. A command is held over its step; the ring holds (start of step, commands), `now` is
+ * the start of the present step and `present` its command. Where the delay is k + a steps, the two commands that share
+ * this step are averaged, a u[n-k-1] + (1 - a) u[n-k]: exact for whole steps, the right impulse for others, no
+ * jump inside a step. */
+static inline double joint_delayed_command(const Ring *ring, int column, double present, double now, double delay) {
     const double then = now - delay;
     const int at = ring_find(ring, then);
     if (at < 0) return ring_at(ring, 0)[column];
@@ -141,12 +138,12 @@ static inline double joint_delayed_command(const Ring *ring, int column, double 
 }
 
 /* Keeps a command; the oldest are dropped only when no delay reaches them any more. NULL, or why it does not fit. */
-static inline const char *joint_remember(Ring *ring, const double *record, double oldest, double delay, double step, char *text, size_t size)
-{
+static inline const char *joint_remember(Ring *ring, const double *record, double oldest, double delay, double step,
+                                         char *text, size_t size) {
     while (ring->count > 1 && ring_at(ring, 1)[0] < oldest - RING_SAME) ring_drop_oldest(ring);
     if (ring->count == ring->capacity) {
-        (void)snprintf(text, size, "time_delay = %g s does not fit the buffer of %d commands: %g s at the step of %g s", delay,
-            ring->capacity, ring->capacity * step, step);
+        (void)snprintf(text, size, "time_delay = %g s does not fit the buffer of %d commands: %g s at the step of %g s",
+                       delay, ring->capacity, ring->capacity * step, step);
         return text;
     }
     ring_insert(ring, record);
@@ -154,8 +151,7 @@ static inline const char *joint_remember(Ring *ring, const double *record, doubl
 }
 
 /* Parameters of one joint that the table's ranges do not say: NULL, or what is wrong. */
-static inline const char *joint_check(const Joint *j, int number, char *text, size_t size)
-{
+static inline const char *joint_check(const Joint *j, int number, char *text, size_t size) {
     if (j->stribeck_exponent == 1 || j->stribeck_exponent == 2) return NULL;
     (void)snprintf(text, size, "stribeck_exponent[%d] = %g is neither 1 nor 2", number, j->stribeck_exponent);
     return text;
@@ -163,19 +159,23 @@ static inline const char *joint_check(const Joint *j, int number, char *text, si
 
 /* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do.
  * `step` is the communication step, 0 in model exchange, where the importer's solver answers for its steps. */
-static inline const char *joint_check_step(const Joint *j, int number, double step, double internal_steps, char *text, size_t size)
-{
+static inline const char *joint_check_step(const Joint *j, int number, double step, double internal_steps, char *text,
+                                           size_t size) {
     const double h = step / internal_steps;
     if (j->actuator_lag > 0 && h > RK4_REACH * j->actuator_lag) {
-        (void)snprintf(text, size, "actuator_lag[%d] = %g s is too short for the internal step of %g s: set internal_steps to %.0f or more",
+        (void)snprintf(
+            text, size,
+            "actuator_lag[%d] = %g s is too short for the internal step of %g s: set internal_steps to %.0f or more",
             number, j->actuator_lag, h, ceil(step / j->actuator_lag) + 1);
         return text;
     }
     if (j->joint_compliance > 0) {
         const double rate = sqrt(1 / (j->joint_compliance * j->motor_inertia)) + j->joint_damping / j->motor_inertia;
         if (h * rate > RK4_REACH) {
-            (void)snprintf(text, size, "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step of %g s: "
-                "set internal_steps to %.0f or more", number, j->joint_compliance, h, ceil(step * rate));
+            (void)snprintf(text, size,
+                           "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step of %g s: "
+                           "set internal_steps to %.0f or more",
+                           number, j->joint_compliance, h, ceil(step * rate));
             return text;
         }
     }
@@ -183,8 +183,7 @@ static inline const char *joint_check_step(const Joint *j, int number, double st
 }
 
 /* Encoder: the count nearest to q + offset, or q + offset itself (rad). */
-static inline double joint_encoder(const Joint *j, double q)
-{
+static inline double joint_encoder(const Joint *j, double q) {
     double read = q;
     if (j->encoder_offset != 0) read += j->encoder_offset;
     if (j->encoder_resolution > 0) read = j->encoder_resolution * floor(read / j->encoder_resolution + 0.5);

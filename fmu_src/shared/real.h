@@ -1,9 +1,9 @@
 /* The number type of the physics headers.
  *
  * `real` is a double. A vector build (the sweep's batch kernel) defines REAL_LANES as 2, 4 or 8 and compiles the same
- * sources for that many scenarios at once: every operation below is element by element and rounds as the scalar one does,
- * so lane i has the bits that the scalar build has. Sources that include this header use no branches on `real` values:
- * comparisons give a `mask`, and `choose(mask, a, b)` chooses.
+ * sources for that many scenarios at once: every operation below is element by element and rounds as the scalar one
+ * does, so lane i has the bits that the scalar build has. Sources that include this header use no branches on `real`
+ * values: comparisons give a `mask`, and `choose(mask, a, b)` chooses.
  */
 #ifndef REAL_H
 #define REAL_H
@@ -18,12 +18,28 @@ typedef double real;
 typedef int mask;
 typedef int64_t real_bits;
 
-static inline real real_of(double a) { return a; }
-static inline real choose(mask c, real a, real b) { return c ? a : b; }
-static inline real real_sqrt(real a) { return sqrt(a); }
-static inline int all(mask c) { return c; }
-static inline real_bits bits_of(real a) { real_bits b; memcpy(&b, &a, sizeof b); return b; }
-static inline real real_of_bits(real_bits b) { real a; memcpy(&a, &b, sizeof a); return a; }
+static inline real real_of(double a) {
+    return a;
+}
+static inline real choose(mask c, real a, real b) {
+    return c ? a : b;
+}
+static inline real real_sqrt(real a) {
+    return sqrt(a);
+}
+static inline int all(mask c) {
+    return c;
+}
+static inline real_bits bits_of(real a) {
+    real_bits b;
+    memcpy(&b, &a, sizeof b);
+    return b;
+}
+static inline real real_of_bits(real_bits b) {
+    real a;
+    memcpy(&a, &b, sizeof a);
+    return a;
+}
 
 #else /* vector lanes: the vector extensions of gcc and clang */
 
@@ -31,18 +47,43 @@ typedef double real __attribute__((vector_size(8 * REAL_LANES)));
 typedef int64_t real_bits __attribute__((vector_size(8 * REAL_LANES)));
 typedef real_bits mask; /* -1 where true, 0 where false */
 
-static inline real real_of(double a) { real r; for (int i = 0; i < REAL_LANES; i++) r[i] = a; return r; }
-static inline real choose(mask c, real a, real b) { return (real)((c & (real_bits)a) | (~c & (real_bits)b)); }
-static inline real real_sqrt(real a) { for (int i = 0; i < REAL_LANES; i++) a[i] = sqrt(a[i]); return a; }
-static inline int all(mask c) { int r = 1; for (int i = 0; i < REAL_LANES; i++) r &= c[i] != 0; return r; }
-static inline real_bits bits_of(real a) { return (real_bits)a; }
-static inline real real_of_bits(real_bits b) { return (real)b; }
+static inline real real_of(double a) {
+    real r;
+    for (int i = 0; i < REAL_LANES; i++) r[i] = a;
+    return r;
+}
+static inline real choose(mask c, real a, real b) {
+    return (real)((c & (real_bits)a) | (~c & (real_bits)b));
+}
+static inline real real_sqrt(real a) {
+    for (int i = 0; i < REAL_LANES; i++) a[i] = sqrt(a[i]);
+    return a;
+}
+static inline int all(mask c) {
+    int r = 1;
+    for (int i = 0; i < REAL_LANES; i++) r &= c[i] != 0;
+    return r;
+}
+static inline real_bits bits_of(real a) {
+    return (real_bits)a;
+}
+static inline real real_of_bits(real_bits b) {
+    return (real)b;
+}
 
 #endif
 
-static inline real real_abs(real a) { return choose(a < 0.0, -a, a); }
-static inline real real_min(real a, real b) { return choose(a < b, a, b); }
-static inline real real_max(real a, real b) { return choose(a > b, a, b); }
-static inline real real_clamp(real a, real low, real high) { return real_min(real_max(a, low), high); }
+static inline real real_abs(real a) {
+    return choose(a < 0.0, -a, a);
+}
+static inline real real_min(real a, real b) {
+    return choose(a < b, a, b);
+}
+static inline real real_max(real a, real b) {
+    return choose(a > b, a, b);
+}
+static inline real real_clamp(real a, real low, real high) {
+    return real_min(real_max(a, low), high);
+}
 
 #endif

@@ -81,10 +81,15 @@ def build(job: Job, progress: Progress | None = None) -> Path:
     path = folder / "fmus" / _key(job, sources, compiler) / f"{job.model}.fmu"
     if not path.is_file():
         if progress:
-            progress(f"building {job.model}.fmu (FMI {job.fmi}, {', '.join(job.platforms)})")
+            progress(f"building {job.model}.fmu (FMI {job.fmi}, {', '.join(job.platforms)}){_patience(job)}")
         files = _packed(job, sources) | _libraries(job, sources, compiler, folder)
         _keep(path, zip_bytes(files, job.level))
     return path
+
+
+def _patience(job: Job) -> str:
+    """Zig makes its C library for Windows once: 75 s of processor time (others 4 s)."""
+    return "; the first one for Windows takes minutes" if "x86_64-windows" in job.platforms else ""
 
 
 def _keep(path: Path, data: bytes) -> None:

@@ -45,9 +45,14 @@ def test_parameters_of_another_configuration_are_worse(result):
 
 
 def test_free_motion_is_estimated_as_no_force():
-    """No hand, the arm moved along sinusoids: the model explains the torque, the Jacobian alone reports gravity and friction."""
+    """No hand, the arm moved along sinusoids: the model explains the torque, the Jacobian alone reports gravity and
+    friction."""
     sines = [0.05] * 10 + [0.03] * 20
-    moving = {"operator.amplitude": 0.0, "excitation.amplitude": sines, "excitation.frequency": list(np.linspace(0.3, 5, 30)),
-              "excitation.ramp": 1.0}  # fmt: skip
+    moving = {
+        "operator.amplitude": 0.0,
+        "excitation.amplitude": sines,
+        "excitation.frequency": list(np.linspace(0.3, 5, 30)),
+        "excitation.ramp": 1.0,
+    }
     result = run(with_parameters(load_scenario("contact-force"), moving))
     assert rms(result.vector("observer.f")).max() < 0.25 * rms(result.vector("observer.f_static")).max()

@@ -1,4 +1,5 @@
-"""EMPS (Janot, Gautier, Brunot 2019): the published identification reproduced, then the same rows with better preprocessing."""
+"""EMPS (Janot, Gautier, Brunot 2019): the published identification reproduced, then the same rows with better
+preprocessing."""
 
 import pytest
 
@@ -26,7 +27,8 @@ def test_published_parameters_and_errors_are_reproduced(emps):
 
 
 def test_better_preprocessing_predicts_the_test_run_better(emps):
-    """On the authors' own rows and band: fitted away from reversals, held-out error below theirs; in our band far below."""
+    """On the authors' own rows and band: fitted away from reversals, held-out error below theirs; in our band far
+    below."""
     found, reference = emps
     assert reference.other.held_out < reference.published.held_out
     assert found.rms_held_out[0] < 4.5 and found.rms_held_out_all[0] < 4.5
@@ -36,7 +38,8 @@ def test_better_preprocessing_predicts_the_test_run_better(emps):
 def test_the_hold_of_the_digital_controller_is_a_quarter_of_the_test_error(emps):
     """The force column is a command held for 1 ms; as its mean over a sample either side it is half a sample later.
 
-    That alone, same filters, same rows: from 5.98 % to 4.6 % on the pulses, whose band reaches the 40 Hz of the decimation.
+    That alone, same filters, same rows: from 5.98 % to 4.6 % on the pulses, whose band reaches the 40 Hz of the
+    decimation.
     """
     _, reference = emps
     assert reference.recentred.held_out < 4.7 and reference.recentred.train < reference.published.train

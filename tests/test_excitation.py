@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 
+from cosim.arm import dynamics
 from cosim.arm.parameters import parameter_set
 from cosim.arm.workspace import LINKED, block_eigenvalue
-from cosim.arm import dynamics
 from cosim.errors import InputError
-from cosim.identify.excitation import Excitation, condition_number, fitted, frequencies, optimised, taati, within_definite
+from cosim.identify.excitation import (
+    Excitation,
+    condition_number,
+    fitted,
+    frequencies,
+    optimised,
+    taati,
+    within_definite,
+)
 
 TIME = np.arange(0, 60, 0.005)
 

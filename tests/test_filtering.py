@@ -1,4 +1,5 @@
-"""Filters: no delay where none is claimed, total derivatives on both sides, a reach that is finite where it is said to be."""
+"""Filters: no delay where none is claimed, total derivatives on both sides, a reach that is finite where it is said
+to be."""
 
 import numpy as np
 import pytest

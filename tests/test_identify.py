@@ -1,4 +1,5 @@
-"""Identification on simulated recordings of Taati's experiment (tests/virtual_experiment.py, a code path of its own)."""
+"""Identification on simulated recordings of Taati's experiment (tests/virtual_experiment.py, a code path of its
+own)."""
 
 import json
 
@@ -22,7 +23,8 @@ CONFIGURATIONS = ("UR", "GCW", "FS", "USD", "USD+GCW")
 
 
 def recording(time, q, tau, held=False, **description):
-    """A recording in memory, second half held out; torque that is held over the sample is recentred as the reader does."""
+    """A recording in memory, second half held out; torque that is held over the sample is recentred as the reader
+    does."""
     if held:
         tau = np.concatenate([tau[:1], (tau[1:] + tau[:-1]) / 2])
     run = Run("run", time, q, tau, np.arange(len(time)) >= len(time) // 2)
@@ -43,12 +45,15 @@ def closed_loop():
 def test_exact_data_give_exact_parameters():
     truth = parameter_set("UR").vector
     found = identify(recording(*prescribed(truth, taati(0), 40.0, resolution=None), coulomb_velocity=0.01))
-    assert found.params == pytest.approx(truth, abs=3e-7)  # 0.03 % of the smallest: low-pass before the nonlinear columns
+    assert found.params == pytest.approx(
+        truth, abs=3e-7
+    )  # 0.03 % of the smallest: low-pass before the nonlinear columns
 
 
 @pytest.mark.parametrize("number", range(5), ids=CONFIGURATIONS)
 def test_table_1_is_recovered_from_the_closed_loop(closed_loop, number):
-    """All five columns of Table 1, encoders quantised: within 1 % of their family's size, and within their intervals."""
+    """All five columns of Table 1, encoders quantised: within 1 % of their family's size, and within their
+    intervals."""
     time, q, tau = closed_loop
     truth = parameter_set(CONFIGURATIONS[number]).vector
     found = identify(recording(time, q[:, number], tau[:, number], held=True))
@@ -94,7 +99,8 @@ def test_white_standard_deviations_are_too_small_on_coloured_noise():
 
 
 def test_memory_of_a_known_process():
-    """AR(1) with coefficient a: integrated autocorrelation (1 + a) / (1 - a), found within a tenth from 200 000 rows."""
+    """AR(1) with coefficient a: integrated autocorrelation (1 + a) / (1 - a), found within a tenth from 200 000
+    rows."""
     series = lfilter([1.0], [1, -0.8], np.random.default_rng(0).normal(size=200_000))
     assert memory(series, np.ones(len(series))) == pytest.approx(9.0, rel=0.1)
 
@@ -127,7 +133,9 @@ def test_dependent_columns_are_regrouped():
     y = np.stack([np.cos(3 * time), 2 * np.cos(3 * time), np.sin(5 * time)], axis=1)
     tau = (y @ [1.0, 0.5, 2.0])[:, None] + 0.1 * 2 * np.cos(2 * time)[:, None]
     run = Run("r", time, q, tau, time > 10, regressor=y)
-    description = parse_description({"device": "regressor", "columns": {"q": ["q"], "tau": ["tau"], "regressor": ["a", "b", "c"]}}, "d")
+    description = parse_description(
+        {"device": "regressor", "columns": {"q": ["q"], "tau": ["tau"], "regressor": ["a", "b", "c"]}}, "d"
+    )
     found = identify(Recording(description, (run,)))
     assert found.identifiability.rank == len(found.parameters) - 1 and len(unexcited(found)) == 1
     assert found.rms_held_out[0] < 0.5 and any("depends on" in text for text in found.warnings)
@@ -153,7 +161,9 @@ def test_robust_fit_shrugs_off_outliers():
     data = recording(time, q, tau, coulomb_velocity=0.01)
     plain, robust = identify(data), identify(data, evolve(suggested(data), robust=True))
     scale = np.maximum(np.abs(truth), 1e-4)
-    assert np.sqrt(np.mean(((robust.params - truth) / scale) ** 2)) < 0.7 * np.sqrt(np.mean(((plain.params - truth) / scale) ** 2))
+    assert np.sqrt(np.mean(((robust.params - truth) / scale) ** 2)) < 0.7 * np.sqrt(
+        np.mean(((plain.params - truth) / scale) ** 2)
+    )
 
 
 def test_smooth_law_and_left_out_rows_agree():
@@ -162,7 +172,7 @@ def test_smooth_law_and_left_out_rows_agree():
     smooth = identify(data, evolve(suggested(data), reversals=SmoothLaw(0.01)))
     spread = np.array([p.std for p in left_out.parameters[:14]])
     assert (np.abs(left_out.params[:14] - smooth.params[:14]) < 6 * spread).all()
-    assert (smooth.rms_held_out_all == pytest.approx(smooth.rms_held_out))
+    assert smooth.rms_held_out_all == pytest.approx(smooth.rms_held_out)
 
 
 def test_without_friction_the_error_is_the_friction():
@@ -194,12 +204,36 @@ def test_command_writes_its_document_and_page(tmp_path, capsys):
     time, q, tau = prescribed(parameter_set("UR").vector, taati(0), 20.0, noise=1e-3)
     for name in ("a", "b", "c"):
         table = np.column_stack([time, q, tau])
-        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header="time,q1,q2,q3,tau1,tau2,tau3", comments="", fmt="%.8g")
+        np.savetxt(
+            tmp_path / f"{name}.csv",
+            table,
+            delimiter=",",
+            header="time,q1,q2,q3,tau1,tau2,tau3",
+            comments="",
+            fmt="%.8g",
+        )
     with pytest.raises(SystemExit) as left:
-        main(["identify", str(tmp_path / "a.csv"), "--test", str(tmp_path / "b.csv"), str(tmp_path / "c.csv"), "--out", str(tmp_path / "o")])
+        main(
+            [
+                "identify",
+                str(tmp_path / "a.csv"),
+                "--test",
+                str(tmp_path / "b.csv"),
+                str(tmp_path / "c.csv"),
+                "--out",
+                str(tmp_path / "o"),
+            ]
+        )
     assert left.value.code == 0
     table = json.loads((tmp_path / "o" / "identification.json").read_text())
-    assert {"parameters", "rms_percent", "condition_number", "unexcited", "mass_matrix_positive_definite", "warnings"} <= set(table)
+    assert {
+        "parameters",
+        "rms_percent",
+        "condition_number",
+        "unexcited",
+        "mass_matrix_positive_definite",
+        "warnings",
+    } <= set(table)
     assert {"name", "value", "std", "std_white", "interval", "unit"} <= set(table["parameters"][0])
     assert len(table["rms_percent"]["train"]) == len(table["rms_percent"]["held_out"]) == 3 and len(table["files"]) == 3
     page = (tmp_path / "o" / "report.html").read_text()
@@ -232,7 +266,8 @@ def test_reads_a_result_file_of_the_scenario(tmp_path):
 
 @pytest.mark.slow
 def test_intervals_cover_200_closed_loops():
-    """Every configuration, 40 excitations each, through the FMUs of scenario `identification`. python -m pytest -m slow tests/test_identify.py"""
+    """Every configuration, 40 excitations each, through the FMUs of scenario `identification`. python -m pytest -m
+    slow tests/test_identify.py"""
     from cosim.fmu import open_system
     from cosim.master import run
     from cosim.scenario import load_scenario, with_parameters

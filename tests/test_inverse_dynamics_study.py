@@ -10,7 +10,8 @@ from cosim.scenario import load_scenario, with_parameters
 
 
 def errors(values):
-    """RMS tracking error of joint 3 and mean error at the end of the half pulses, both over the pulse of 0.2 rad, per loop."""
+    """RMS tracking error of joint 3 and mean error at the end of the half pulses, both over the pulse of 0.2 rad, per
+    loop."""
     result = run(with_parameters(load_scenario("inverse-dynamics"), values))
     phase = np.mod(result.time, 2.0)
     late = (phase > 1.6) & (phase < 1.98) & (result.time > 2)
@@ -29,9 +30,11 @@ def errors(values):
 )
 def test_identified_parameters_track_better(configuration, proportional, derivative):
     values = {
-        "arm*.parameter_set": configuration, "controller.parameter_set": configuration,
-        "controller*.proportional_gain": proportional, "controller*.derivative_gain": derivative,
-    }  # fmt: skip
+        "arm*.parameter_set": configuration,
+        "controller.parameter_set": configuration,
+        "controller*.proportional_gain": proportional,
+        "controller*.derivative_gain": derivative,
+    }
     rms, rest, rms_piecewise, rest_piecewise = errors(values)
     assert rms < 0.8 * rms_piecewise and rest < 0.2 * rest_piecewise
 
@@ -42,7 +45,8 @@ def test_steady_error_of_the_piecewise_parameters_is_that_of_the_paper():
 
 
 def test_identified_parameters_hold_to_higher_gains():
-    """In a loop that is 12 ms late. The piecewise d1 is twice the plant's: joint 1's true gain is 1.5 times the nominal one."""
+    """In a loop that is 12 ms late. The piecewise d1 is twice the plant's: joint 1's true gain is 1.5 times the
+    nominal one."""
     identified, piecewise = gain_ladder("UR"), gain_ladder("piecewise")
     assert limit(identified) > 1.2 * limit(piecewise) > 0
     assert limit(identified) >= 1200  # the paper's highest gain

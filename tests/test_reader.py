@@ -78,7 +78,9 @@ def test_description_beside_the_file_units_and_scale(tmp_path):
         '[units]\nq = "deg"\ntau = "V"\n[scale]\ntau = 0.37037037037\n'
     )
     run = read([tmp_path / "a.csv"]).runs[0]
-    assert np.allclose(run.q, arm_columns()[:, 1:4], atol=1e-8) and np.allclose(run.tau, arm_columns()[:, 4:], atol=1e-8)
+    assert np.allclose(run.q, arm_columns()[:, 1:4], atol=1e-8) and np.allclose(
+        run.tau, arm_columns()[:, 4:], atol=1e-8
+    )
 
 
 @pytest.mark.parametrize(
@@ -261,7 +263,9 @@ def test_few_missing_values_are_filled_many_are_cut(tmp_path):
     table[900:1000, 2] = np.inf
     recording = read([write(tmp_path / "a.csv", table)])
     warned(recording, "missing values interpolated (tau1 3)", "100 rows with missing values")
-    assert [len(run) for run in recording.runs] == [900, 1000] and all(np.isfinite(run.tau).all() for run in recording.runs)
+    assert [len(run) for run in recording.runs] == [900, 1000] and all(
+        np.isfinite(run.tau).all() for run in recording.runs
+    )
 
 
 def test_a_channel_that_is_mostly_empty_is_an_error(tmp_path):
@@ -311,7 +315,9 @@ def test_wrong_units_are_named(tmp_path, column, factor, words):
 def test_velocity_in_degrees_is_found_by_comparison(tmp_path):
     time = np.arange(3000) * STEP
     table = np.column_stack([time, np.sin(3 * time), np.rad2deg(3 * np.cos(3 * time)), np.cos(time)])
-    description = parse_description({"device": "axis", "columns": {"time": "t", "q": ["q"], "tau": ["tau"], "dq": ["dq"]}}, "d")
+    description = parse_description(
+        {"device": "axis", "columns": {"time": "t", "q": ["q"], "tau": ["tau"], "dq": ["dq"]}}, "d"
+    )
     path = write(tmp_path / "a.csv", table, header="t,q,dq,tau")
     assert "is it in deg" in message(lambda: read([path], description=description))
 
@@ -343,13 +349,15 @@ def test_rows_outside_the_training_range_are_counted(tmp_path):
 
 
 SHIPPED = [
-    ("emps/emps_train.csv", "emps/emps.toml"), ("emps/emps_test_pulses.csv", "emps/emps.toml"),
+    ("emps/emps_train.csv", "emps/emps.toml"),
+    ("emps/emps_test_pulses.csv", "emps/emps.toml"),
     ("mis_tool_cable/Tool_4_Maryland_L_2_00.csv", "mis_tool_cable/mis_tool_cable.toml"),
     ("mis_tool_cable/Tool_5_Maryland_L_2_23.csv", "mis_tool_cable/mis_tool_cable.toml"),
     ("dfki_pendulum_1dof/gravity_comp.csv", "dfki_pendulum_1dof/dfki_pendulum_1dof.toml"),
     ("dfki_pendulum_1dof/pd_1Nm_fail.csv", "dfki_pendulum_1dof/dfki_pendulum_1dof.toml"),
-    ("residual_ready/emps_j1.csv", None), *((f"residual_ready/staubli_tx40_j{j}.csv", None) for j in range(1, 7)),
-]  # fmt: skip
+    ("residual_ready/emps_j1.csv", None),
+    *((f"residual_ready/staubli_tx40_j{j}.csv", None) for j in range(1, 7)),
+]
 
 
 @pytest.mark.parametrize(("name", "description"), SHIPPED)

@@ -23,11 +23,14 @@ def mass_and_bias(pi, q, dq):
     slope3 = -4 * p[2] * s3 * c3 + p[3] * c2 * c3
     m23 = -0.5 * p[3] * (s2 * c3 - c2 * s3)
     k = 0.5 * p[3] * (c2 * c3 + s2 * s3)
-    bias = np.stack([
-        w1 * (slope2 * w2 + slope3 * w3),
-        -0.5 * slope2 * w1 * w1 + k * w3 * w3 + p[6] * c2,
-        -0.5 * slope3 * w1 * w1 - k * w2 * w2 + p[7] * s3,
-    ], axis=-1)  # fmt: skip
+    bias = np.stack(
+        [
+            w1 * (slope2 * w2 + slope3 * w3),
+            -0.5 * slope2 * w1 * w1 + k * w3 * w3 + p[6] * c2,
+            -0.5 * slope3 * w1 * w1 - k * w2 * w2 + p[7] * s3,
+        ],
+        axis=-1,
+    )
     return m11, p[4], p[5], m23, bias
 
 
@@ -37,7 +40,9 @@ def friction(params, dq, smooth=SMOOTH):
 
 def torque(params, q, dq, ddq):
     m11, m22, m33, m23, bias = mass_and_bias(params[..., :8], q, dq)
-    inertial = np.stack([m11 * ddq[..., 0], m22 * ddq[..., 1] + m23 * ddq[..., 2], m23 * ddq[..., 1] + m33 * ddq[..., 2]], -1)
+    inertial = np.stack(
+        [m11 * ddq[..., 0], m22 * ddq[..., 1] + m23 * ddq[..., 2], m23 * ddq[..., 1] + m33 * ddq[..., 2]], -1
+    )
     return inertial + bias + friction(params, dq)
 
 
@@ -45,11 +50,14 @@ def acceleration(params, q, dq, tau):
     m11, m22, m33, m23, bias = mass_and_bias(params[..., :8], q, dq)
     net = tau - bias - friction(params, dq)
     det = m22 * m33 - m23 * m23
-    return np.stack([
-        net[..., 0] / m11,
-        (m33 * net[..., 1] - m23 * net[..., 2]) / det,
-        (m22 * net[..., 2] - m23 * net[..., 1]) / det,
-    ], axis=-1)  # fmt: skip
+    return np.stack(
+        [
+            net[..., 0] / m11,
+            (m33 * net[..., 1] - m23 * net[..., 2]) / det,
+            (m22 * net[..., 2] - m23 * net[..., 1]) / det,
+        ],
+        axis=-1,
+    )
 
 
 def counted(q, resolution=ENCODER):
@@ -70,7 +78,7 @@ def prescribed(params, excitation, duration=60.0, noise=0.0, seed=0, resolution=
 def controlled(params, excitations, duration=60.0, stiffness=2.0, damping=0.08, substeps=2, resolution=ENCODER):
     """time (n,), q read and tau (n, runs, 3): PD control at 1 kHz on read angles, torque held over the sample."""
     step = 1e-3
-    time = np.arange(int(round(duration / step))) * step
+    time = np.arange(round(duration / step)) * step
     reference = np.stack([e.motion(time)[0] for e in excitations], axis=1)
     q, dq = reference[0].copy(), np.zeros_like(reference[0])
     read_before = counted(q, resolution)

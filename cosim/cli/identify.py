@@ -7,15 +7,25 @@ import typer
 
 
 def command(
-    data: Annotated[list[Path], typer.Argument(help="recordings: CSV, Parquet, MAT, or result.h5 of scenario identification")],
+    data: Annotated[
+        list[Path], typer.Argument(help="recordings: CSV, Parquet, MAT, or result.h5 of scenario identification")
+    ],
     test: Annotated[Optional[list[Path]], typer.Option(help="recordings that are held out")] = None,
-    description: Annotated[Optional[Path], typer.Option(help="what the columns are (TOML); default: beside the data")] = None,
+    description: Annotated[
+        Optional[Path], typer.Option(help="what the columns are (TOML); default: beside the data")
+    ] = None,
     out: Annotated[Path, typer.Option(help="folder for identification.json and report.html")] = Path("out/identify"),
-    cutoff: Annotated[Optional[float], typer.Option(help="low-pass over both sides [Hz]; default: 12 times the motion's band")] = None,
+    cutoff: Annotated[
+        Optional[float], typer.Option(help="low-pass over both sides [Hz]; default: 12 times the motion's band")
+    ] = None,
     velocity_cutoff: Annotated[Optional[float], typer.Option(help="low-pass before differentiation [Hz]")] = None,
-    smooth_sign: Annotated[Optional[float], typer.Option(help="keep all rows, sign of dq smoothed over this speed")] = None,
+    smooth_sign: Annotated[
+        Optional[float], typer.Option(help="keep all rows, sign of dq smoothed over this speed")
+    ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Huber weights against outliers")] = False,
-    physical: Annotated[bool, typer.Option("--physical", help="force M > 0 over the workspace and friction that dissipates")] = False,
+    physical: Annotated[
+        bool, typer.Option("--physical", help="force M > 0 over the workspace and friction that dissipates")
+    ] = False,
 ) -> None:
     """Identify the parameters of a PHANToM, of one joint, or of a joint with given regressor columns."""
     import json
@@ -25,8 +35,8 @@ def command(
     from cosim.identify.identification import identify, identify_as_paper
     from cosim.identify.idim import idim
     from cosim.identify.method import adjusted, suggested
-    from cosim.identify.page import page, verdict
     from cosim.measured import read
+    from cosim.plots.identify_report import page, verdict
     from cosim.report import write_report
 
     print(f"reading {len(data) + len(test or [])} file(s)", file=sys.stderr)

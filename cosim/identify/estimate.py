@@ -1,4 +1,5 @@
-"""Least squares for stacked equations: ordinary, weighted by joint, Huber-weighted, and constrained to a physical arm."""
+"""Least squares for stacked equations: ordinary, weighted by joint, Huber-weighted, and constrained to a physical
+arm."""
 
 import numpy as np
 from attrs import frozen
@@ -71,15 +72,20 @@ def _physical(y, tau, weights, start, device: str, names: tuple[str, ...]) -> np
     top, target = triangle[: len(names), :-1], triangle[: len(names), -1]
     size = max(float(target @ target), 1e-300)
     rows, bounds = _linear_limits(device, names)
-    limits = [{"type": "ineq", "fun": lambda u: (rows @ (u * scale) - bounds) / 1e-3, "jac": lambda u: rows * scale / 1e-3}]
+    limits = [
+        {"type": "ineq", "fun": lambda u: (rows @ (u * scale) - bounds) / 1e-3, "jac": lambda u: rows * scale / 1e-3}
+    ]
     if device == "phantom":
         sine = max(abs(np.sin(LINKED.linkage_low)), abs(np.sin(LINKED.linkage_high)))
         limits.append({"type": "ineq", "fun": lambda u: _block(u * scale, sine)})
     found = minimize(
-        lambda u: float(np.sum((top @ u - target) ** 2)) / size, start / scale,
-        jac=lambda u: 2 * top.T @ (top @ u - target) / size, constraints=limits, method="SLSQP",
+        lambda u: float(np.sum((top @ u - target) ** 2)) / size,
+        start / scale,
+        jac=lambda u: 2 * top.T @ (top @ u - target) / size,
+        constraints=limits,
+        method="SLSQP",
         options={"maxiter": 500, "ftol": 1e-14},
-    )  # fmt: skip
+    )
     return found.x * scale
 
 
@@ -89,13 +95,16 @@ def _block(params: np.ndarray, sine: float) -> float:
 
 
 def _linear_limits(device: str, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and bounds of A params >= b: friction dissipates, inertia is positive, M11 > 0 on a grid of the workspace."""
+    """Rows and bounds of A params >= b: friction dissipates, inertia is positive, M11 > 0 on a grid of the
+    workspace."""
     floor = {name: 0.0 for name in names if name.startswith(("viscous", "coulomb"))}
     floor |= {name: 1e-6 for name in names if name in ("inertia", "d5", "d6")}
     rows = [np.eye(len(names))[names.index(name)] for name in floor]
     bounds = list(floor.values())
     if device == "phantom":
-        poses = LINKED.clip(np.stack(np.meshgrid(0.0, np.linspace(-1.01, 2.01, 22), np.linspace(-0.45, 2.93, 22)), -1).reshape(-1, 3))
+        poses = LINKED.clip(
+            np.stack(np.meshgrid(0.0, np.linspace(-1.01, 2.01, 22), np.linspace(-0.45, 2.93, 22)), -1).reshape(-1, 3)
+        )
         _, q2, q3 = np.unique(poses.round(6), axis=0).T
         grid = np.zeros((len(q2), len(names)))
         grid[:, :4] = np.stack([np.ones_like(q2), np.cos(2 * q2), np.cos(2 * q3), np.cos(q2) * np.sin(q3)], axis=1)

@@ -1,4 +1,5 @@
-"""Excitation of the PHANToM: ten sinusoids a joint from 0.11 to 5 rad/s (Taati 3.1), and a better choice of their phases.
+"""Excitation of the PHANToM: ten sinusoids a joint from 0.11 to 5 rad/s (Taati 3.1), and a better choice of their
+phases.
 
 The better choice minimises the condition number of the scaled regressor over the motion. Every motion stays inside the
 joint limits, the linkage's limits and, for a given parameter set, where M(q) is positive definite.
@@ -72,7 +73,9 @@ def fitted(excitation: Excitation, duration: float, workspace: Workspace = LINKE
         smaller = evolve(full, amplitude=full.amplitude * share)
         if workspace.contains(smaller.motion(time)[0]).all():
             return smaller
-    raise InputError(Problem("excitation", "a motion inside the workspace", f"centre {excitation.centre.tolist()} leaves it"))
+    raise InputError(
+        Problem("excitation", "a motion inside the workspace", f"centre {excitation.centre.tolist()} leaves it")
+    )
 
 
 def within_definite(excitation: Excitation, pi: np.ndarray, duration: float, margin: float = 0.3) -> Excitation:

@@ -6,7 +6,9 @@ from attrs import frozen
 from cosim.identify.estimate import RANK
 from cosim.identify.stack import Stack
 
-INFLATION = 1e5  # variance inflation factor beyond which a column is a combination of the others for all that data can tell
+INFLATION = (
+    1e5  # variance inflation factor beyond which a column is a combination of the others for all that data can tell
+)
 
 
 @frozen(eq=False)
@@ -38,7 +40,9 @@ def identifiability(stack: Stack) -> Identifiability:
     dependent = [int(k) for k in pivot[rank:]]
     loose = [int(k) for k, factor in zip(pivot[:rank], inflation, strict=True) if factor > INFLATION]
     names = tuple(stack.names[k] for k in sorted({*dependent, *loose}))
-    return Identifiability(float(singular[0] / singular[-1]), rank, base, names, _combinations(stack.names, triangle, pivot, rank, empty))
+    return Identifiability(
+        float(singular[0] / singular[-1]), rank, base, names, _combinations(stack.names, triangle, pivot, rank, empty)
+    )
 
 
 def _combinations(names, triangle, pivot, rank: int, empty: np.ndarray) -> tuple[str, ...]:

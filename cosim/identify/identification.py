@@ -12,7 +12,13 @@ from cosim.identify.method import Method, suggested, taati
 from cosim.identify.stack import Stack, coulomb_name, everything, stack, without
 from cosim.measured.recording import Recording
 
-TYPICAL = {"d": 1e-3, "g": 0.05, "viscous": 1e-3, "coulomb": 0.01, "slow": 0.01}  # sizes for a PHANToM, from Taati Table 1
+TYPICAL = {
+    "d": 1e-3,
+    "g": 0.05,
+    "viscous": 1e-3,
+    "coulomb": 0.01,
+    "slow": 0.01,
+}  # sizes for a PHANToM, from Taati Table 1
 
 
 STILL = 30.0  # counts: a joint that moves less is taken as still
@@ -67,10 +73,18 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
     params = _spread_out(fitted.params, shown.base, full.y.shape[2])
     definite, doubts = _physics(recording, full.names, params)
     found = Identification(
-        recording, method, full, params, _parameters(full, shown, fitted, widths),
-        rms_percent(full, params, full.fit), rms_percent(full, params, full.held_out),
-        rms_percent(full, params, everything(full).held_out), widths, shown, definite,
-    )  # fmt: skip
+        recording,
+        method,
+        full,
+        params,
+        _parameters(full, shown, fitted, widths),
+        rms_percent(full, params, full.fit),
+        rms_percent(full, params, full.held_out),
+        rms_percent(full, params, everything(full).held_out),
+        widths,
+        shown,
+        definite,
+    )
     return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *_doubts(found)))
 
 
@@ -83,7 +97,8 @@ def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiabi
 
 
 def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> Stack:
-    """Keep a `slow` column only where the data lean to it and it is that of a smoothed sign: Coulomb friction that falls short
+    """Keep a `slow` column only where the data lean to it and it is that of a smoothed sign: Coulomb friction that
+    falls short
     at the slowest rows, by less than half of it. Elsewhere it would only widen the intervals."""
     tails = [name for name in full.names if name.startswith("slow")]
     if not tails:
@@ -93,14 +108,17 @@ def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> S
     value = dict(zip(base.names, fitted.params.tolist(), strict=True))
     score = dict(zip(base.names, (fitted.params / np.maximum(widths.std, 1e-300)).tolist(), strict=True))
     doubtful = [
-        name for name in tails
+        name
+        for name in tails
         if name not in value or score[name] > -1 or -value[name] > 0.5 * abs(value.get(coulomb_name(name), 0.0))
-    ]  # fmt: skip
+    ]
     kept = without(full, tuple(doubtful))
     notes = [
         f"{name}: Coulomb friction falls short by {-100 * value[name] / value[coulomb_name(name)]:.2g} % at the slowest rows in use, as "
-        "a smooth sign of dq does; a column for it is fitted along" for name in tails if name not in doubtful
-    ]  # fmt: skip
+        "a smooth sign of dq does; a column for it is fitted along"
+        for name in tails
+        if name not in doubtful
+    ]
     return evolve(kept, notes=(*kept.notes, *notes))
 
 
@@ -121,8 +139,14 @@ def _enough(full: Stack, recording: Recording) -> None:
     rows, needed = int(full.fit.sum()), 3 * full.y.shape[2]
     if rows < needed:
         got = f"{rows} after filtering and leaving out reversals"
-        raise InputError(Problem(", ".join(recording.files), f"at least {needed} rows to fit {full.y.shape[2]} parameters", got,
-                                 "record longer"))  # fmt: skip
+        raise InputError(
+            Problem(
+                ", ".join(recording.files),
+                f"at least {needed} rows to fit {full.y.shape[2]} parameters",
+                got,
+                "record longer",
+            )
+        )
 
 
 def _spread_out(values: np.ndarray, base: tuple[int, ...], size: int) -> np.ndarray:
@@ -153,16 +177,20 @@ def _physics(recording: Recording, names: tuple[str, ...], params: np.ndarray) -
         found = definiteness(params[:8])
         definite = bool(found.positive)
         if not definite:
-            doubts.append(f"the mass matrix is not positive definite over the workspace (smallest eigenvalue "
-                          f"{found.smallest_eigenvalue:.2e} kg m^2, {100 * found.negative_share:.2g} % of it): guard simulations, or "
-                          "use --physical")  # fmt: skip
+            doubts.append(
+                f"the mass matrix is not positive definite over the workspace (smallest eigenvalue "
+                f"{found.smallest_eigenvalue:.2e} kg m^2, {100 * found.negative_share:.2g} % of it): guard simulations, or "
+                "use --physical"
+            )
     elif "inertia" in values:
         definite = values["inertia"] > 0
         doubts += [] if definite else ["the inertia is not positive"]
     for name, value in values.items():
         if name.startswith("viscous") and value < 0:
-            doubts.append(f"{name} = {value:.3g} is negative: it would feed energy in; a Stribeck effect that the model lacks, or "
-                          "the sign of dq at reversals, makes least squares give this (see close-loop)")  # fmt: skip
+            doubts.append(
+                f"{name} = {value:.3g} is negative: it would feed energy in; a Stribeck effect that the model lacks, or "
+                "the sign of dq at reversals, makes least squares give this (see close-loop)"
+            )
         if name.startswith("coulomb") and value < 0:
             doubts.append(f"{name} = {value:.3g} is negative: not friction; a lag between tau and q can do this")
     return definite, doubts
@@ -173,7 +201,9 @@ def _doubts(found: Identification) -> list[str]:
     doubts = list(found.identifiability.combinations)
     wide = unexcited(found)[len(found.identifiability.unexcited) :]
     if wide:
-        doubts.append(f"not determined by this motion (interval wider than the parameter's usual size): {', '.join(wide)}")
+        doubts.append(
+            f"not determined by this motion (interval wider than the parameter's usual size): {', '.join(wide)}"
+        )
     if found.spread.blocks < 12:
         doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
     return doubts + _against_declared(found) + _outside(found.stack)
@@ -186,7 +216,8 @@ def _against_declared(found: Identification) -> list[str]:
         return []
     pairs = [(p, value) for p, value in zip(found.parameters, description.declared_pi, strict=False)]
     outside = [p.name for p, value in pairs if not p.interval[0] <= value <= p.interval[1]]
-    text = f"declared parameters outside their 95 % intervals: {', '.join(outside)} (a payload, a gain error, or a wrong declaration)"
+    names = ", ".join(outside)
+    text = f"declared parameters outside their 95 % intervals: {names} (a payload, a gain error, or a wrong declaration)"
     return [text] if outside else []
 
 
@@ -200,7 +231,8 @@ def _outside(full: Stack) -> list[str]:
 
 
 def unexcited(found: Identification) -> tuple[str, ...]:
-    """Names that the motion did not excite: dependent columns, joints that hardly left their encoder's counts, and PHANToM
+    """Names that the motion did not excite: dependent columns, joints that hardly left their encoder's counts, and
+    PHANToM
     parameters whose interval is wider than their usual size."""
     names = list(found.identifiability.unexcited)
     names += [name for name in _of_still_joints(found) if name not in names]
@@ -214,7 +246,8 @@ def unexcited(found: Identification) -> tuple[str, ...]:
 
 
 def _of_still_joints(found: Identification) -> list[str]:
-    """Parameters that only the motion of a still joint shows. There the columns are the encoder's noise, and least squares
+    """Parameters that only the motion of a still joint shows. There the columns are the encoder's noise, and least
+    squares
     is sure of a wrong value (errors in variables)."""
     own = {0: ("d1", "d2", "d3"), 1: ("d5",), 2: ("d6",)} if found.recording.device == "phantom" else {0: ("inertia",)}
     names = []
@@ -235,7 +268,9 @@ def counts(recording: Recording, joint: int) -> float:
 
 def without_friction(found: Identification) -> np.ndarray:
     """Parameters (p,) of the same model fitted with no friction columns (they are zero): Taati's Figs. 4 and 5."""
-    rigid = [k for k in found.identifiability.base if not found.stack.names[k].startswith(("viscous", "coulomb", "slow"))]
+    rigid = [
+        k for k in found.identifiability.base if not found.stack.names[k].startswith(("viscous", "coulomb", "slow"))
+    ]
     part = evolve(found.stack, y=found.stack.y[:, :, rigid], names=tuple(found.stack.names[k] for k in rigid))
     fitted = estimate(part, evolve(found.method, physical=False), found.recording.device)
     return _spread_out(fitted.params, tuple(rigid), len(found.params))

@@ -1,8 +1,10 @@
 """IDIM-LS for one joint as the authors of EMPS process it (Janot, Gautier, Brunot 2019): the published reference.
 
-q through a Butterworth 4 low-pass of 100 Hz with zero phase, central differences, the first 49 rows dropped, every column
+q through a Butterworth 4 low-pass of 100 Hz with zero phase, central differences, the first 49 rows dropped, every
+column
 and the force decimated by 10 (Chebyshev I of order 8, zero phase, 0.8 of the new Nyquist frequency), ordinary least
-squares with sgn(dq), all rows. The start-up of these filters at the first and last rows is part of the published figures.
+squares with sgn(dq), all rows. The start-up of these filters at the first and last rows is part of the published
+figures.
 """
 
 import numpy as np
@@ -15,7 +17,8 @@ CUTOFF, DROPPED, FACTOR = 100.0, 49, 10
 
 @frozen(eq=False)
 class Fit:
-    """params (inertia, viscous, coulomb, offset, gravity ...) and their relative errors [%] on training and held-out rows."""
+    """params (inertia, viscous, coulomb, offset, gravity ...) and their relative errors [%] on training and held-out
+    rows."""
 
     params: np.ndarray
     train: float
@@ -24,7 +27,8 @@ class Fit:
 
 @frozen(eq=False)
 class Idim:
-    """published: as the authors do it; other: another parameter vector on exactly these rows; recentred: the authors' way with
+    """published: as the authors do it; other: another parameter vector on exactly these rows; recentred: the authors'
+    way with
     the force as the mean over one sample either side of its stamp, which is what a digital controller's output is."""
 
     published: Fit
@@ -34,7 +38,8 @@ class Idim:
 
 
 def idim(recording: Recording, other: np.ndarray) -> Idim | None:
-    """IDIM-LS of an `axis` recording, beside the errors of the parameters `other`; None where the rate is too low for it."""
+    """IDIM-LS of an `axis` recording, beside the errors of the parameters `other`; None where the rate is too low for
+    it."""
     if recording.device != "axis" or any(run.step > 1.3e-3 for run in recording.runs):
         return None
     train, held = _rows(recording, False), _rows(recording, True)

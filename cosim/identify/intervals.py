@@ -38,7 +38,10 @@ def spread(stack: Stack, estimate: Estimate) -> Spread:
     normal = (scaled * estimate.weights[:, None]).T @ scaled
     shifts, blocks = _jackknife(scaled, residual, estimate.weights, number, normal)
     std = np.sqrt((blocks - 1) / blocks * (shifts**2).sum(axis=0)) / scale
-    white = np.sqrt(np.diag(np.linalg.pinv(normal, rcond=1e-14)) * _variance(residual, estimate.weights, y.shape[1])) / scale
+    white = (
+        np.sqrt(np.diag(np.linalg.pinv(normal, rcond=1e-14)) * _variance(residual, estimate.weights, y.shape[1]))
+        / scale
+    )
     effective = np.array([(joint == j).sum() for j in range(len(memory))]) / memory
     return Spread(std, white, student(blocks - 1) * std, length * stack.step, blocks, effective)
 
@@ -55,7 +58,8 @@ def _variance(residual: np.ndarray, weights: np.ndarray, parameters: int) -> flo
 
 
 def _memory(stack: Stack, residual: np.ndarray, joint: np.ndarray, stamp: np.ndarray, j: int) -> float:
-    """Integrated autocorrelation 1 + 2 sum rho_k of a joint's residual in rows, up to where rho first falls below 0.05."""
+    """Integrated autocorrelation 1 + 2 sum rho_k of a joint's residual in rows, up to where rho first falls below
+    0.05."""
     series = np.zeros(len(stack.time))
     present = np.zeros(len(stack.time))
     mine = joint == j

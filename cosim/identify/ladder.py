@@ -1,7 +1,9 @@
 """The gain ladder of Taati 4.3: up to which gains does inverse dynamics control stay stable, with which parameters?
 
-Each rung is a co-simulation of scenario `inverse-dynamics` with the loop's delay of a real rig (the arm's `time_delay`), at
-Kd = 2 zeta sqrt(Kp). The two loops of the scenario are run apart, so that one that leaves its domain does not end the other.
+Each rung is a co-simulation of scenario `inverse-dynamics` with the loop's delay of a real rig (the arm's
+`time_delay`), at
+Kd = 2 zeta sqrt(Kp). The two loops of the scenario are run apart, so that one that leaves its domain does not end the
+other.
 A rung holds where the arm stays in its domain and has come to rest at the end of every half pulse.
 """
 
@@ -15,13 +17,26 @@ from cosim.master import Result, run
 from cosim.outcome import Outcome
 from cosim.scenario import Scenario, load_scenario, with_parameters
 
-GAINS = (100.0, 225.0, 400.0, 625.0, 900.0, 1200.0, 1600.0, 2000.0, 2500.0, 3200.0, 4000.0)  # 1/s^2; the paper's end at 1200
+GAINS = (
+    100.0,
+    225.0,
+    400.0,
+    625.0,
+    900.0,
+    1200.0,
+    1600.0,
+    2000.0,
+    2500.0,
+    3200.0,
+    4000.0,
+)  # 1/s^2; the paper's end at 1200
 REST = 0.05  # rad/s rms over the last 0.4 s of a half pulse
 
 
 @frozen
 class Rung:
-    """One gain with one parameter set: proportional, derivative gains, whether it held, RMS error of each joint [rad]."""
+    """One gain with one parameter set: proportional, derivative gains, whether it held, RMS error of each joint
+    [rad]."""
 
     parameters: str
     proportional: float
@@ -31,13 +46,22 @@ class Rung:
 
 
 def gain_ladder(
-    parameters: str, configuration: str = "UR", delay: float = 0.012, damping: float = 1.15, gains: Sequence[float] = GAINS,
+    parameters: str,
+    configuration: str = "UR",
+    delay: float = 0.012,
+    damping: float = 1.15,
+    gains: Sequence[float] = GAINS,
 ) -> list[Rung]:
     """Climb until a rung does not hold, the controller holding `parameters`, the plant being `configuration`."""
-    scenario = with_parameters(load_scenario("inverse-dynamics"), {
-        "arm*.parameter_set": configuration, "controller*.parameter_set": parameters, "arm*.time_delay": delay,
-        "excitation.square_amplitude": [0.1, 0.05, 0.1],
-    })  # fmt: skip
+    scenario = with_parameters(
+        load_scenario("inverse-dynamics"),
+        {
+            "arm*.parameter_set": configuration,
+            "controller*.parameter_set": parameters,
+            "arm*.time_delay": delay,
+            "excitation.square_amplitude": [0.1, 0.05, 0.1],
+        },
+    )
     rungs: list[Rung] = []
     with open_system(scenario) as system:
         for gain in gains:

@@ -21,7 +21,8 @@ class Reversals(ABC):
 
     @abstractmethod
     def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
-        """Rows to use, (n, nj) bool; the filters smear over `spread` rows; usual_speed (nj,) is the rms of dq over all runs."""
+        """Rows to use, (n, nj) bool; the filters smear over `spread` rows; usual_speed (nj,) is the rms of dq over
+        all runs."""
 
     @abstractmethod
     def text(self) -> str:
@@ -32,7 +33,8 @@ class Reversals(ABC):
 class LeaveOut(Reversals):
     """Rows near a reversal are left out: |dq| below `share` of its rms, widened by what the filters smear.
 
-    On the rows that are left the sign may still be smoothed, over `smoothing` [rad/s], where the friction's law is known.
+    On the rows that are left the sign may still be smoothed, over `smoothing` [rad/s], where the friction's law is
+    known.
     """
 
     share: float = 0.1
@@ -47,7 +49,9 @@ class LeaveOut(Reversals):
 
     def text(self) -> str:
         law = f", sign of dq smoothed over {self.smoothing:g} (known law)" if self.smoothing else ""
-        return f"rows near velocity reversals left out (|dq| < {self.share:g} rms(dq), widened by the filters' reach){law}"
+        return (
+            f"rows near velocity reversals left out (|dq| < {self.share:g} rms(dq), widened by the filters' reach){law}"
+        )
 
 
 @frozen
@@ -95,12 +99,22 @@ class Method:
     def text(self) -> str:
         """The processing in one sentence."""
         sides = "q and tau" if self.both_sides else "q"
-        fit = ", ".join(
-            word for word, on in (("weighted by joint", self.weighted), ("Huber weights", self.robust),
-                                  ("constrained to a physical arm", self.physical)) if on
-        ) or "ordinary"  # fmt: skip
-        return (f"{sides} through {self.before}, central differences, both sides through "
-                f"{self.low_pass}, {self.reversals.text()}; least squares: {fit}")  # fmt: skip
+        fit = (
+            ", ".join(
+                word
+                for word, on in (
+                    ("weighted by joint", self.weighted),
+                    ("Huber weights", self.robust),
+                    ("constrained to a physical arm", self.physical),
+                )
+                if on
+            )
+            or "ordinary"
+        )
+        return (
+            f"{sides} through {self.before}, central differences, both sides through "
+            f"{self.low_pass}, {self.reversals.text()}; least squares: {fit}"
+        )
 
 
 def suggested(recording: Recording) -> Method:
@@ -121,15 +135,24 @@ def taati(recording: Recording, velocity_cutoff: float = 30.0) -> Method:
     return Method("Taati", ZeroPhase(cutoff), FirstOrder(10.0), KeepAll(), both_sides=False, weighted=False)
 
 
-def adjusted(method: Method, cutoff: float | None, velocity_cutoff: float | None, smooth_sign: float | None, robust: bool,
-             physical: bool) -> Method:
+def adjusted(
+    method: Method,
+    cutoff: float | None,
+    velocity_cutoff: float | None,
+    smooth_sign: float | None,
+    robust: bool,
+    physical: bool,
+) -> Method:
     """The method with what a user asked for. Raises InputError for a cutoff or a speed that is not positive."""
     given = {"--cutoff": cutoff, "--velocity-cutoff": velocity_cutoff, "--smooth-sign": smooth_sign}
-    problems = [Problem(name, "a positive number", f"{value:g}") for name, value in given.items() if value is not None and not value > 0]
+    problems = [
+        Problem(name, "a positive number", f"{value:g}")
+        for name, value in given.items()
+        if value is not None and not value > 0
+    ]
     if problems:
         raise InputError(problems)
     low_pass = method.low_pass if cutoff is None else Window(cutoff)
     before = method.before if velocity_cutoff is None else Window(velocity_cutoff)
     reversals = method.reversals if smooth_sign is None else SmoothLaw(smooth_sign)
-    return evolve(method, low_pass=low_pass, before=before, reversals=reversals,
-                  robust=robust, physical=physical)  # fmt: skip
+    return evolve(method, low_pass=low_pass, before=before, reversals=reversals, robust=robust, physical=physical)

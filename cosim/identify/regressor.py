@@ -63,7 +63,8 @@ def friction_columns(dq: np.ndarray, velocity: float) -> np.ndarray:
 def slow_columns(dq: np.ndarray, slowest: np.ndarray) -> np.ndarray:
     """Columns sgn(dq) (slowest / dq)^2 (n, nj, nj), 1 at the slowest row in use.
 
-    A friction whose sign is smoothed over v, dq / sqrt(dq^2 + v^2) = sgn(dq) (1 - v^2 / (2 dq^2) + ...), still shows this tail
+    A friction whose sign is smoothed over v, dq / sqrt(dq^2 + v^2) = sgn(dq) (1 - v^2 / (2 dq^2) + ...), still shows
+    this tail
     outside the rows that are left out; its coefficient is -coulomb v^2 / (2 slowest^2).
     """
     tail = np.sign(dq) * slowest**2 / np.maximum(dq**2, slowest**2)
@@ -102,7 +103,12 @@ def given(motion: Motion, low_pass: LowPass, names: tuple[str, ...], velocity: f
     labels = names if run.regressor is not None else ("rigid",)
     y = np.concatenate([rigid, dq, dynamics.direction(dq, velocity), np.ones_like(dq)], axis=1)
     units = ("",) * len(labels) + ("N.m.s/rad", "N.m", "N.m")
-    return Columns(low_pass.low(y, step)[:, None, :], low_pass.low(motion.tau, step), (*labels, "viscous", "coulomb", "offset"), units)
+    return Columns(
+        low_pass.low(y, step)[:, None, :],
+        low_pass.low(motion.tau, step),
+        (*labels, "viscous", "coulomb", "offset"),
+        units,
+    )
 
 
 def columns(recording: Recording, motion: Motion, low_pass: LowPass, velocity: float = 0.0) -> Columns:

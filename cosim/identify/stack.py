@@ -67,28 +67,44 @@ def _motion(recording: Recording, run: Run, method: Method) -> Motion:
 def _piece(recording: Recording, moved: Motion, method: Method, speed: np.ndarray, number: int) -> Stack:
     model = regressor.columns(recording, moved, method.low_pass, method.reversals.smoothing)
     n, step = len(moved.time), moved.step
-    head, tail = (min(sum(rows), n // 8) for rows in zip(method.low_pass.settle(step), method.before.settle(step), strict=True))
+    head, tail = (
+        min(sum(rows), n // 8) for rows in zip(method.low_pass.settle(step), method.before.settle(step), strict=True)
+    )
     spread = tuple(sum(rows) for rows in zip(method.low_pass.spread(step), method.before.spread(step), strict=True))
     settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
     keep = method.reversals.keep(moved, spread, speed) & settled[:, None]
     model = _with_tail(model, moved, method, speed)
     pick = slice(None, None, method.low_pass.decimation(step))
     return Stack(
-        y=model.y[pick], tau=model.tau[pick], keep=keep[pick], settled=settled[pick], test=moved.run.test[pick],
-        run=np.full(len(model.tau[pick]), number), time=moved.time[pick], q=moved.q[pick], dq=moved.dq[pick],
-        step=step * (pick.step or 1), names=model.names, units=model.units,
-    )  # fmt: skip
+        y=model.y[pick],
+        tau=model.tau[pick],
+        keep=keep[pick],
+        settled=settled[pick],
+        test=moved.run.test[pick],
+        run=np.full(len(model.tau[pick]), number),
+        time=moved.time[pick],
+        q=moved.q[pick],
+        dq=moved.dq[pick],
+        step=step * (pick.step or 1),
+        names=model.names,
+        units=model.units,
+    )
 
 
 def _with_tail(model: Columns, moved: Motion, method: Method, speed: np.ndarray) -> Columns:
-    """A column `slow` per joint where the law of the sign is not known: what a smoothed sign leaves at the slowest rows."""
+    """A column `slow` per joint where the law of the sign is not known: what a smoothed sign leaves at the slowest
+    rows."""
     slowest = method.reversals.slowest(speed)
     if slowest is None or not slowest.all():
         return model
     tail = method.low_pass.low(slow_columns(moved.dq, slowest), moved.step)
     names = ["slow"] if len(speed) == 1 else [f"slow[{j + 1}]" for j in range(len(speed))]
-    return evolve(model, y=np.concatenate([model.y, tail], axis=2), names=(*model.names, *names),
-                  units=(*model.units, *[model.units[model.names.index(coulomb_name(names[0]))]] * len(names)))  # fmt: skip
+    return evolve(
+        model,
+        y=np.concatenate([model.y, tail], axis=2),
+        names=(*model.names, *names),
+        units=(*model.units, *[model.units[model.names.index(coulomb_name(names[0]))]] * len(names)),
+    )
 
 
 def coulomb_name(slow: str) -> str:
@@ -99,21 +115,24 @@ def coulomb_name(slow: str) -> str:
 def without(full: Stack, names: tuple[str, ...]) -> Stack:
     """The stack with some columns taken out."""
     kept = [k for k, name in enumerate(full.names) if name not in names]
-    return evolve(full, y=full.y[:, :, kept], names=tuple(full.names[k] for k in kept), units=tuple(full.units[k] for k in kept))
+    return evolve(
+        full, y=full.y[:, :, kept], names=tuple(full.names[k] for k in kept), units=tuple(full.units[k] for k in kept)
+    )
 
 
 def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
-    """Where leaving out reversals leaves less than a twentieth of the rows of a joint, its rows are all kept, and told."""
+    """Where leaving out reversals leaves less than a twentieth of the rows of a joint, its rows are all kept, and
+    told."""
     train, keep, notes = full.settled & ~full.test, full.keep.copy(), []
     for j, joint in enumerate(joints):
         if full.fit[:, j].sum() < max(0.05 * train.sum(), 3 * full.y.shape[2]):
             keep[:, j] = full.settled
-            notes.append(f"{joint}: almost all rows are near a reversal; none left out, Coulomb friction is not reliable")
+            notes.append(
+                f"{joint}: almost all rows are near a reversal; none left out, Coulomb friction is not reliable"
+            )
     return evolve(full, keep=keep, notes=tuple(notes))
 
 
 def everything(full: Stack) -> Stack:
     """The same rows with none left out at reversals."""
     return evolve(full, keep=np.repeat(full.settled[:, None], full.tau.shape[1], axis=1))
-
-

@@ -13,7 +13,8 @@ from cosim.measured.reader import Table, needed, read_table
 from cosim.measured.recording import Recording, Run
 from cosim.measured.repairs import Stretch, recentred, repair
 
-# What scenario `identification` records: encoder angles, and the torque that the amplifier holds from one sample to the next.
+# What scenario `identification` records: encoder angles, and the torque that the amplifier holds from one sample to
+# the next.
 SIMULATED = Description(
     columns=Columns(
         q=("arm.q[1]", "arm.q[2]", "arm.q[3]"),
@@ -167,10 +168,19 @@ def _run(stretch: Stretch, layout) -> Run:
     rigid = block("rigid")
     other = {name: stretch.signals[:, k].copy() for k, (role, name, _) in enumerate(layout) if role == "other"}
     return Run(
-        name=stretch.name, time=stretch.time, q=block("q"), tau=block("tau"), test=stretch.test, dq=block("dq"),
-        ddq=block("ddq"), q_ref=block("q_ref"), force=block("force"), regressor=block("regressor"),
-        rigid=None if rigid is None else rigid[:, 0], other=other,
-    )  # fmt: skip
+        name=stretch.name,
+        time=stretch.time,
+        q=block("q"),
+        tau=block("tau"),
+        test=stretch.test,
+        dq=block("dq"),
+        ddq=block("ddq"),
+        q_ref=block("q_ref"),
+        force=block("force"),
+        regressor=block("regressor"),
+        rigid=None if rigid is None else rigid[:, 0],
+        other=other,
+    )
 
 
 def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note) -> list[Run]:

@@ -12,8 +12,19 @@ from cosim.measured import units
 
 DEVICES = ("phantom", "axis", "regressor")
 CONFIGURATIONS = ("UR", "GCW", "FS", "USD", "USD+GCW", "piecewise", "segment")
-KEYS = ("device", "configuration", "parameters", "declared_pi", "joint", "gravity", "torque_held", "coulomb_velocity",
-        "columns", "units", "scale")
+KEYS = (
+    "device",
+    "configuration",
+    "parameters",
+    "declared_pi",
+    "joint",
+    "gravity",
+    "torque_held",
+    "coulomb_velocity",
+    "columns",
+    "units",
+    "scale",
+)
 SINGLE = ("time", "run", "split", "rigid")
 LISTS = ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
 ROLES = (*SINGLE, *LISTS, "other")
@@ -234,10 +245,15 @@ def _inconsistencies(description: Description, table: Mapping) -> list[Problem]:
     wanted = 3 if description.device == "phantom" else 1
     problems = [
         Problem(f"{source}: [columns].{role}", f"{wanted} column(s) for device {description.device!r}", str(len(names)))
-        for role, names in (("q", columns.q), ("tau", columns.tau), ("dq", columns.dq), ("ddq", columns.ddq),
-                            ("q_ref", columns.q_ref))
+        for role, names in (
+            ("q", columns.q),
+            ("tau", columns.tau),
+            ("dq", columns.dq),
+            ("ddq", columns.ddq),
+            ("q_ref", columns.q_ref),
+        )
         if names and len(names) != wanted
-    ]  # fmt: skip
+    ]
     if description.device == "regressor" and not (columns.regressor or columns.rigid):
         problems.append(Problem(f"{source}: [columns].regressor", "the regressor columns or a rigid torque", "neither"))
     if description.parameters == "declared" and description.device == "phantom" and "declared_pi" not in table:
@@ -254,7 +270,9 @@ def _unit_problems(description: Description) -> list[Problem]:
         for unit in names:
             if unit in units.NEED_SCALE:
                 if role not in description.scale:
-                    problems.append(Problem(where, "a unit with a factor", f"{unit!r}", f"give [scale].{role}, SI per {unit}"))
+                    problems.append(
+                        Problem(where, "a unit with a factor", f"{unit!r}", f"give [scale].{role}, SI per {unit}")
+                    )
             elif unit not in units.FACTORS:
                 advice = did_you_mean(unit, (*units.FACTORS, *units.NEED_SCALE))
                 problems.append(Problem(where, "a known unit", repr(unit), advice))

@@ -1,4 +1,5 @@
-"""Recordings that read well and are still wrong: constant channels, wrong units, split rows that touch, filtered data."""
+"""Recordings that read well and are still wrong: constant channels, wrong units, split rows that touch, filtered
+data."""
 
 import numpy as np
 
@@ -7,7 +8,12 @@ from cosim.measured.recording import Recording, Run
 
 TURN = 2 * np.pi
 PHANTOM_TORQUE = 10.0  # N m: the device peaks at 8.5 N on 0.4 m (PHYSICS.md 1); more is another unit
-SUSPECT = ((180 / np.pi, "deg"), (np.pi / 180, "rad where deg is said"), (1e3, "thousandths (m[...])"), (1e-3, "thousands"))
+SUSPECT = (
+    (180 / np.pi, "deg"),
+    (np.pi / 180, "rad where deg is said"),
+    (1e3, "thousandths (m[...])"),
+    (1e-3, "thousands"),
+)
 
 
 def check(recording: Recording) -> list[str]:
@@ -26,7 +32,9 @@ def _constant(recording: Recording) -> list[Problem]:
         for joint, name in enumerate(getattr(columns, role)):
             values = {float(v) for run in recording.runs for v in _extremes(getattr(run, role)[:, joint])}
             if len(values) == 1:
-                problems.append(Problem(f"column {name!r}", "a signal that varies", f"{values.pop():g} everywhere", advice))
+                problems.append(
+                    Problem(f"column {name!r}", "a signal that varies", f"{values.pop():g} everywhere", advice)
+                )
     return problems
 
 
@@ -85,7 +93,7 @@ def _slope(runs: tuple[Run, ...], joint: int) -> float | None:
     """Least-squares slope of dq against q'(t), both averaged over 20 ms to quiet the encoder."""
     top = bottom = 0.0
     for run in runs:
-        width = max(int(round(0.02 / run.step)), 1)
+        width = max(round(0.02 / run.step), 1)
         rows = len(run) // width * width
         if run.dq is None or rows < 3 * width:
             continue
@@ -137,7 +145,9 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
         signal = np.diff(signal)
     if len(signal) < 512 or np.ptp(signal) == 0:
         return None
-    frequency, power = welch(signal - signal.mean(), fs=2.0, nperseg=min(1024, len(signal) // 2), window="blackmanharris")
+    frequency, power = welch(
+        signal - signal.mean(), fs=2.0, nperseg=min(1024, len(signal) // 2), window="blackmanharris"
+    )
     smooth = np.exp(np.convolve(np.log(power + 1e-300), np.ones(9) / 9, mode="same"))
     for k in range(16, len(frequency) - 8):
         above = min(int(k * 1.5), len(frequency) - 8)
@@ -147,9 +157,11 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
 
 
 def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float | None:
-    """Frequency [Hz] above which the acceleration (n,) holds next to nothing though the torque (n,) does; None: nowhere.
+    """Frequency [Hz] above which the acceleration (n,) holds next to nothing though the torque (n,) does; None:
+    nowhere.
 
-    gain(f) = sqrt(S_tau / S_ddq) is an inertia at low frequencies; sensor noise makes it fall with f. Where it rises 20-fold
+    gain(f) = sqrt(S_tau / S_ddq) is an inertia at low frequencies; sensor noise makes it fall with f. Where it rises
+    20-fold
     the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out: central
     differences have a zero there.
     """
@@ -177,8 +189,10 @@ def _filtered(recording: Recording) -> list[str]:
         if len(found) == 1:
             other = "tau" if found == ["q"] else "q"
             nyquist = 0.5 / longest.step
-            notes.append(f"{label}: {found[0]} was low-pass filtered near {marks[found[0]] * nyquist:.3g} Hz and {other} was "
-                         "not: a lag between the two sides may be the filter's, and errors above it are not the model's")  # fmt: skip
+            notes.append(
+                f"{label}: {found[0]} was low-pass filtered near {marks[found[0]] * nyquist:.3g} Hz and {other} was "
+                "not: a lag between the two sides may be the filter's, and errors above it are not the model's"
+            )
         elif not found:
             notes += _emptied_runs(recording.runs, joint, label)
     return notes
@@ -193,8 +207,10 @@ def _emptied_runs(runs: tuple[Run, ...], joint: int, label: str) -> list[str]:
             edges[run.name] = edge
     if not edges:
         return []
-    return [f"{label}: in {', '.join(edges)} q holds next to nothing above {min(edges.values()):.3g} Hz though tau does: q was "
-            "low-passed or computed and tau was not; compare the two sides below that frequency only"]  # fmt: skip
+    return [
+        f"{label}: in {', '.join(edges)} q holds next to nothing above {min(edges.values()):.3g} Hz though tau does: q was "
+        "low-passed or computed and tau was not; compare the two sides below that frequency only"
+    ]
 
 
 def _outside(recording: Recording) -> list[str]:

@@ -1,6 +1,7 @@
 """Differentiation and low-pass filters for recorded motion; every filter here has a name and a delay that is stated.
 
-The same low-pass filter goes over both sides of the equation of motion (Taati 3.1). Acceleration is never formed by itself:
+The same low-pass filter goes over both sides of the equation of motion (Taati 3.1). Acceleration is never formed by
+itself:
 with P the momentum columns, F{dP/dt} is the filter's own derivative of P, exact for products too ("total derivatives",
 PHYSICS.md 4; Taati Eqs. 13-14; Hsu et al. 1987).
 """
@@ -124,7 +125,9 @@ class Window(LowPass):
             return np.array(signal, float)
         weights = np.hanning(2 * half + 3)[1:-1]
         shape = (len(weights), *([1] * (signal.ndim - 1)))
-        ends = np.concatenate([2 * signal[:1] - signal[half:0:-1], signal, 2 * signal[-1:] - signal[-2 : -half - 2 : -1]])
+        ends = np.concatenate(
+            [2 * signal[:1] - signal[half:0:-1], signal, 2 * signal[-1:] - signal[-2 : -half - 2 : -1]]
+        )
         return oaconvolve(ends, (weights / weights.sum()).reshape(shape), mode="valid", axes=0)
 
     def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
@@ -132,7 +135,7 @@ class Window(LowPass):
 
     def half(self, step: float) -> int:
         """Rows to either side of the middle one."""
-        return max(int(round(0.5 / (self.cutoff * step))) - 1, 0)
+        return max(round(0.5 / (self.cutoff * step)) - 1, 0)
 
     def settle(self, step: float) -> tuple[int, int]:
         return self.half(step) + 3, self.half(step) + 3

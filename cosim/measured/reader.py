@@ -104,7 +104,9 @@ def _layout(path: Path) -> tuple[str, int, tuple[str, ...]]:
     delimiter = max(",;\t", key=header.count)
     cells = [cell.strip() for cell in header.split(delimiter)]
     if all(_is_number(cell) for cell in cells if cell):
-        raise InputError(Problem(f"{path}: line {skipped + 1}", "names of the columns", header.strip()[:60], "add a header line"))
+        raise InputError(
+            Problem(f"{path}: line {skipped + 1}", "names of the columns", header.strip()[:60], "add a header line")
+        )
     notes = [f"{path.name}: {skipped} comment lines above the header skipped"] if skipped else []
     return delimiter, skipped, tuple(notes)
 

@@ -3,6 +3,7 @@
 A run enters as raw columns in SI and leaves as one or more stretches on an even time grid.
 """
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -70,11 +71,13 @@ def _restarts(stretch: Stretch, note: Note) -> list[Stretch]:
     blocks = np.split(np.arange(len(stretch.time)), back)
     spans = sorted((stretch.time[block].min(), stretch.time[block].max()) for block in blocks)
     slack = SHORTEST * float(np.median(np.abs(np.diff(stretch.time))))  # a few rows out of order are no new recording
-    apart = all(after[0] >= before[1] - slack for before, after in zip(spans, spans[1:], strict=False))
+    apart = all(after[0] >= before[1] - slack for before, after in itertools.pairwise(spans))
     if apart or min(len(block) for block in blocks) < SHORTEST:
         return [stretch]
-    note(f"{stretch.name}: time starts again at row(s) {', '.join(str(b + 1) for b in back[:8])}: "
-         f"taken as {len(blocks)} separate recordings")  # fmt: skip
+    note(
+        f"{stretch.name}: time starts again at row(s) {', '.join(str(b + 1) for b in back[:8])}: "
+        f"taken as {len(blocks)} separate recordings"
+    )
     return [stretch.rows(block, f"{stretch.name}#{number}") for number, block in enumerate(blocks, 1)]
 
 
@@ -93,9 +96,13 @@ def _distinct(stretch: Stretch, note: Note) -> Stretch:
         return stretch
     if count > 0.1 * len(repeated):
         raise InputError(
-            Problem(f"{stretch.name}: time", "a time stamp per row", f"{count} of {len(repeated)} rows repeat a time stamp",
-                    "is the time column written with too few digits?")
-        )  # fmt: skip
+            Problem(
+                f"{stretch.name}: time",
+                "a time stamp per row",
+                f"{count} of {len(repeated)} rows repeat a time stamp",
+                "is the time column written with too few digits?",
+            )
+        )
     note(f"{stretch.name}: {count} rows repeat a time stamp: the first of each kept")
     return stretch.rows(~repeated)
 
@@ -124,8 +131,10 @@ def _complete(stretch: Stretch, note: Note) -> list[Stretch]:
         return [stretch]
     pieces = np.split(np.arange(len(hole)), np.flatnonzero(np.diff(hole.astype(int))) + 1)
     kept = [piece for piece in pieces if not hole[piece[0]]]
-    note(f"{stretch.name}: {int(hole.sum())} rows with missing values (more than {BRIDGED} in a row) left out, "
-         f"{len(kept)} stretches kept")  # fmt: skip
+    note(
+        f"{stretch.name}: {int(hole.sum())} rows with missing values (more than {BRIDGED} in a row) left out, "
+        f"{len(kept)} stretches kept"
+    )
     return [stretch.rows(piece, _part(stretch.name, number, len(kept))) for number, piece in enumerate(kept, 1)]
 
 
@@ -201,8 +210,10 @@ def _even(stretch: Stretch, note: Note) -> Stretch:
     count = int(np.floor((stretch.time[-1] - stretch.time[0]) / step * (1 + 1e-12))) + 1
     grid = stretch.time[0] + step * np.arange(count)
     steps = np.diff(stretch.time)
-    note(f"{stretch.name}: non-uniform time stamps (steps {steps.min():.4g} to {steps.max():.4g} s) resampled to "
-         f"{step:.6g} s, positions by monotone cubic, other signals by linear interpolation")  # fmt: skip
+    note(
+        f"{stretch.name}: non-uniform time stamps (steps {steps.min():.4g} to {steps.max():.4g} s) resampled to "
+        f"{step:.6g} s, positions by monotone cubic, other signals by linear interpolation"
+    )
     nearest = np.clip(np.searchsorted(stretch.time, grid - step / 2), 0, n - 1)
     return evolve(stretch, time=grid, signals=_resampled(stretch, grid), test=stretch.test[nearest])
 
@@ -214,7 +225,9 @@ def _resampled(stretch: Stretch, grid: np.ndarray) -> np.ndarray:
     for column in range(stretch.signals.shape[1]):
         values = stretch.signals[:, column]
         smooth = column in stretch.positions
-        columns.append(PchipInterpolator(stretch.time, values)(grid) if smooth else np.interp(grid, stretch.time, values))
+        columns.append(
+            PchipInterpolator(stretch.time, values)(grid) if smooth else np.interp(grid, stretch.time, values)
+        )
     return np.column_stack(columns)
 
 

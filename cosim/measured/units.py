@@ -5,29 +5,51 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 # unit -> (SI unit, factor). An electrical or counted unit has no factor of its own: it needs a [scale].
-FACTORS: Mapping[str, tuple[str, float]] = MappingProxyType({
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "ns": ("s", 1e-9),
-    "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180), "mrad": ("rad", 1e-3), "rev": ("rad", 2 * math.pi),
-    "m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6),
-    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", math.pi / 180), "rpm": ("rad/s", math.pi / 30),
-    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
-    "rad/s^2": ("rad/s^2", 1.0), "deg/s^2": ("rad/s^2", math.pi / 180),
-    "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3),
-    "N.m": ("N.m", 1.0), "mN.m": ("N.m", 1e-3), "N.mm": ("N.m", 1e-3), "N": ("N", 1.0), "mN": ("N", 1e-3),
-})  # fmt: skip
+FACTORS: Mapping[str, tuple[str, float]] = MappingProxyType(
+    {
+        "s": ("s", 1.0),
+        "ms": ("s", 1e-3),
+        "us": ("s", 1e-6),
+        "ns": ("s", 1e-9),
+        "rad": ("rad", 1.0),
+        "deg": ("rad", math.pi / 180),
+        "mrad": ("rad", 1e-3),
+        "rev": ("rad", 2 * math.pi),
+        "m": ("m", 1.0),
+        "cm": ("m", 1e-2),
+        "mm": ("m", 1e-3),
+        "um": ("m", 1e-6),
+        "rad/s": ("rad/s", 1.0),
+        "deg/s": ("rad/s", math.pi / 180),
+        "rpm": ("rad/s", math.pi / 30),
+        "m/s": ("m/s", 1.0),
+        "mm/s": ("m/s", 1e-3),
+        "rad/s^2": ("rad/s^2", 1.0),
+        "deg/s^2": ("rad/s^2", math.pi / 180),
+        "m/s^2": ("m/s^2", 1.0),
+        "mm/s^2": ("m/s^2", 1e-3),
+        "N.m": ("N.m", 1.0),
+        "mN.m": ("N.m", 1e-3),
+        "N.mm": ("N.m", 1e-3),
+        "N": ("N", 1.0),
+        "mN": ("N", 1e-3),
+    }
+)
 NEED_SCALE = ("V", "mV", "A", "mA", "counts", "%")
 ANGLE = {"q": "rad", "q_ref": "rad", "dq": "rad/s", "ddq": "rad/s^2", "tau": "N.m"}
 LENGTH = {"q": "m", "q_ref": "m", "dq": "m/s", "ddq": "m/s^2", "tau": "N"}
-ALLOWED: Mapping[str, frozenset[str]] = MappingProxyType({
-    "time": frozenset({"s"}),
-    "q": frozenset({"rad", "m"}),
-    "q_ref": frozenset({"rad", "m"}),
-    "dq": frozenset({"rad/s", "m/s"}),
-    "ddq": frozenset({"rad/s^2", "m/s^2"}),
-    "tau": frozenset({"N.m", "N"}),
-    "rigid": frozenset({"N.m", "N"}),
-    "force": frozenset({"N"}),
-})
+ALLOWED: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "time": frozenset({"s"}),
+        "q": frozenset({"rad", "m"}),
+        "q_ref": frozenset({"rad", "m"}),
+        "dq": frozenset({"rad/s", "m/s"}),
+        "ddq": frozenset({"rad/s^2", "m/s^2"}),
+        "tau": frozenset({"N.m", "N"}),
+        "rigid": frozenset({"N.m", "N"}),
+        "force": frozenset({"N"}),
+    }
+)
 
 
 def spelled(unit: str) -> str:

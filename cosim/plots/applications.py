@@ -1,4 +1,5 @@
-"""Figures of the two uses of an identified arm: inverse dynamics control (Taati Figs. 14-16) and contact force (Fig. 17)."""
+"""Figures of the two uses of an identified arm: inverse dynamics control (Taati Figs. 14-16) and contact force (Fig.
+17)."""
 
 import numpy as np
 
@@ -39,7 +40,9 @@ def _tracking(result: Result) -> Section | None:
     ax.set(xlabel="time [s]", ylabel=f"joint {joint + 1} [rad]")
     ax.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
     rows = [[name, _set(result, name), *(_rms(q - ref) * 1e3).tolist()] for name, (ref, q) in loops.items()]
-    table = Table(["controller", "its parameters", "q1 [mrad]", "q2 [mrad]", "q3 [mrad]"], rows, "RMS error of each joint.")
+    table = Table(
+        ["controller", "its parameters", "q1 [mrad]", "q2 [mrad]", "q3 [mrad]"], rows, "RMS error of each joint."
+    )
     return Section("Inverse dynamics control", "", [table], [Figure(to_svg(fig), "As Taati's Figs. 14 to 16.")])
 
 
@@ -65,8 +68,16 @@ def _forces(result: Result) -> Section | None:
     axes[0, 0].set_ylabel("force along y [N]")
     axes[1, 0].set(ylabel="error [N]", xlabel="time [s]")
     axes[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
-    rows = [[f"{n}.{output}", *_rms(result.vector(f"{n}.{output}") - force).tolist()] for n in names for output in ("f", "f_static")]
-    table = Table(["estimate", "x [N]", "y [N]", "z [N]"], rows, f"RMS error against {truth}, base frame; hand's force on the device.")
+    rows = [
+        [f"{n}.{output}", *_rms(result.vector(f"{n}.{output}") - force).tolist()]
+        for n in names
+        for output in ("f", "f_static")
+    ]
+    table = Table(
+        ["estimate", "x [N]", "y [N]", "z [N]"],
+        rows,
+        f"RMS error against {truth}, base frame; hand's force on the device.",
+    )
     return Section("Contact force", "", [table], [Figure(to_svg(fig), "As Taati's Fig. 17, y up.")])
 
 

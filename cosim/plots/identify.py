@@ -1,4 +1,5 @@
-"""Figures of an identification, like Taati's Figs. 4 to 9: torques over time, residual over velocity, friction's parts."""
+"""Figures of an identification, like Taati's Figs. 4 to 9: torques over time, residual over velocity, friction's
+parts."""
 
 import numpy as np
 
@@ -32,7 +33,9 @@ def residuals(found: Identification, rigid: np.ndarray) -> str:
     rows = _shown(found)
     joints = len(found.recording.joints)
     fig, axes = figure(2, joints, height=4.6, width=min(8.0, 3.4 + 2.4 * (joints - 1)))
-    for line, (params, title) in enumerate(((rigid, "no friction in the model"), (found.params, "friction in the model"))):
+    for line, (params, title) in enumerate(
+        ((rigid, "no friction in the model"), (found.params, "friction in the model"))
+    ):
         left = found.stack.tau[rows] - (found.stack.y @ params)[rows]
         for j in range(joints):
             ax, keep = axes[line, j], found.stack.keep[rows, j]
@@ -62,13 +65,21 @@ def friction(found: Identification) -> str:
 
 
 def intervals(found: Identification) -> str:
-    """Each parameter's 95 % interval, residual correlation counted, against the white-noise one; in white standard deviations."""
+    """Each parameter's 95 % interval, residual correlation counted, against the white-noise one; in white standard
+    deviations."""
     shown = [p for p in found.parameters if np.isfinite(p.std) and p.std_white > 0]
     fig, axes = figure(1, 1, height=1.0 + 0.2 * len(shown))
     ax = axes[0, 0]
     for line, p in enumerate(shown):
         half = (p.interval[1] - p.interval[0]) / 2 / p.std_white
-        ax.plot([-1.96, 1.96], [line, line], color=ORANGE, lw=5, alpha=0.8, label="white noise assumed" if line == 0 else None)
+        ax.plot(
+            [-1.96, 1.96],
+            [line, line],
+            color=ORANGE,
+            lw=5,
+            alpha=0.8,
+            label="white noise assumed" if line == 0 else None,
+        )
         ax.plot([-half, half], [line, line], color=BLUE, lw=1.8, label="correlation counted" if line == 0 else None)
     ax.set_yticks(range(len(shown)), [p.name for p in shown])
     ax.invert_yaxis()

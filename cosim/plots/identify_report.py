@@ -5,8 +5,8 @@ from importlib.metadata import version
 import numpy as np
 
 from cosim.arm.parameters import parameter_set
-from cosim.identify.idim import Idim
 from cosim.identify.identification import Identification, unexcited, without_friction
+from cosim.identify.idim import Idim
 from cosim.plots import identify as plots
 from cosim.report import Figure, Report, Section, Table
 
@@ -15,8 +15,12 @@ def page(found: Identification, paper: Identification, idim: Idim | None) -> Rep
     """The report of one identification beside the paper's estimator."""
     device, joints = found.recording.device, found.recording.joints
     sections = [_parameters(found, paper), _errors(found, paper, idim), *_figures(found), _shown(found), _data(found)]
-    provenance = {"device": device, "files": ", ".join(found.recording.files), "method": found.method.text(),
-                  "cosim": version("haptic-cosim")}  # fmt: skip
+    provenance = {
+        "device": device,
+        "files": ", ".join(found.recording.files),
+        "method": found.method.text(),
+        "cosim": version("haptic-cosim"),
+    }
     return Report(f"Identification: {', '.join(joints)}", verdict(found), sections, provenance, _mood(found))
 
 
@@ -24,29 +28,51 @@ def verdict(found: Identification) -> str:
     """One or two sentences."""
     errors = ", ".join(f"{value:.2g} %" for value in found.rms_held_out)
     loose = unexcited(found)
-    text = f"{len(found.parameters)} parameters; the held-out torque is predicted to {errors} (RMS, {', '.join(found.recording.joints)})."
+    joints = ", ".join(found.recording.joints)
+    text = f"{len(found.parameters)} parameters; the held-out torque is predicted to {errors} (RMS, {joints})."
     text += f" Not determined by this motion: {', '.join(loose)}." if loose else " The motion determines all of them."
-    return text + ("" if found.positive_definite else " The identified mass matrix is not positive definite everywhere.")
+    return text + (
+        "" if found.positive_definite else " The identified mass matrix is not positive definite everywhere."
+    )
 
 
 def _mood(found: Identification) -> str:
     finite = found.rms_held_out[np.isfinite(found.rms_held_out)]
-    return "good" if len(finite) and finite.max() < 10 and found.positive_definite and not unexcited(found) else "neutral"
+    return (
+        "good" if len(finite) and finite.max() < 10 and found.positive_definite and not unexcited(found) else "neutral"
+    )
 
 
 def _parameters(found: Identification, paper: Identification) -> Section:
     known = _known(found)
-    header = ["parameter", "value", "95 % from", "to", "std", "std if white", "paper's", *([known[0]] if known else []), "unit"]
+    header = [
+        "parameter",
+        "value",
+        "95 % from",
+        "to",
+        "std",
+        "std if white",
+        "paper's",
+        *([known[0]] if known else []),
+        "unit",
+    ]
     rows, papers = [], {p.name: f"{p.value:.5g}" for p in paper.parameters}
     for k, p in enumerate(found.parameters):
         other = [f"{known[1][k]:.5g}" if k < len(known[1]) else None] if known else []
         numbers = [f"{v:.5g}" if np.isfinite(v) else None for v in p.interval]
         numbers += [f"{v:.2g}" if np.isfinite(v) else None for v in (p.std, p.std_white)]
         rows.append([p.name, f"{p.value:.6g}", *numbers, papers.get(p.name), *other, p.unit])
-    text = ("The standard deviation counts the residual's correlation in time: contiguous blocks of "
-            f"{found.spread.block:.2g} s are left out one at a time ({found.spread.blocks} blocks). The white-noise figure is what least "
-            "squares gives by itself; it is shown to be compared, not to be used.")  # fmt: skip
-    return Section("Parameters", text, [Table(header, rows)], [Figure(plots.intervals(found), "What the residual's correlation costs.")])
+    text = (
+        "The standard deviation counts the residual's correlation in time: contiguous blocks of "
+        f"{found.spread.block:.2g} s are left out one at a time ({found.spread.blocks} blocks). The white-noise figure is what least "
+        "squares gives by itself; it is shown to be compared, not to be used."
+    )
+    return Section(
+        "Parameters",
+        text,
+        [Table(header, rows)],
+        [Figure(plots.intervals(found), "What the residual's correlation costs.")],
+    )
 
 
 def _known(found: Identification):
@@ -68,13 +94,23 @@ def _errors(found: Identification, paper: Identification, idim: Idim | None) -> 
     if idim is not None:
         joint = found.recording.joints[0]
         rows.append([joint, idim.text, idim.published.train, idim.published.held_out])
-        rows.append([joint, "this tool's parameters on those same rows and band", idim.other.train, idim.other.held_out])
+        rows.append(
+            [joint, "this tool's parameters on those same rows and band", idim.other.train, idim.other.held_out]
+        )
         if idim.recentred is not None:
-            rows.append([joint, "the same IDIM-LS, force moved half a sample to the middle of its hold", idim.recentred.train,
-                         idim.recentred.held_out])  # fmt: skip
-    text = ("RMS% of Taati Eq. 15, 100 sqrt(sum r^2 / sum tau^2), on the filtered torque. Lines with different rows or filters judge "
-            "different things: a lower band leaves out what the model cannot follow. "
-            f"This tool: {found.method.text()}.\n\nPaper: {paper.method.text()}.")  # fmt: skip
+            rows.append(
+                [
+                    joint,
+                    "the same IDIM-LS, force moved half a sample to the middle of its hold",
+                    idim.recentred.train,
+                    idim.recentred.held_out,
+                ]
+            )
+    text = (
+        "RMS% of Taati Eq. 15, 100 sqrt(sum r^2 / sum tau^2), on the filtered torque. Lines with different rows or filters judge "
+        "different things: a lower band leaves out what the model cannot follow. "
+        f"This tool: {found.method.text()}.\n\nPaper: {paper.method.text()}."
+    )
     return Section("Errors", text, [Table(["joint", "method", "train [%]", "held out [%]"], rows)])
 
 
@@ -92,17 +128,23 @@ def _figures(found: Identification) -> list[Section]:
 
 def _shown(found: Identification) -> Section:
     shown = found.identifiability
-    rows = [["condition number of the scaled regressor", shown.condition], ["rank", f"{shown.rank} of {len(found.parameters)}"],
-            ["not determined", ", ".join(unexcited(found)) or "none"],
-            ["mass matrix positive definite over the workspace", found.positive_definite],
-            ["equations fitted", int(found.stack.fit.sum())],
-            ["independent samples that these are worth", [float(np.round(v)) for v in found.spread.effective]]]  # fmt: skip
+    rows = [
+        ["condition number of the scaled regressor", shown.condition],
+        ["rank", f"{shown.rank} of {len(found.parameters)}"],
+        ["not determined", ", ".join(unexcited(found)) or "none"],
+        ["mass matrix positive definite over the workspace", found.positive_definite],
+        ["equations fitted", int(found.stack.fit.sum())],
+        ["independent samples that these are worth", [float(np.round(v)) for v in found.spread.effective]],
+    ]
     return Section("What the motion shows", "\n\n".join(shown.combinations), [Table(["", ""], rows)])
 
 
 def _data(found: Identification) -> Section:
     recording = found.recording
-    rows = [[run.name, len(run), run.step * 1e3, f"{run.time[-1] - run.time[0]:.3g}", int(run.test.sum())] for run in recording.runs]
+    rows = [
+        [run.name, len(run), run.step * 1e3, f"{run.time[-1] - run.time[0]:.3g}", int(run.test.sum())]
+        for run in recording.runs
+    ]
     table = Table(["run", "rows", "step [ms]", "length [s]", "held out"], rows)
     text = "\n\n".join(found.warnings) or "Nothing was repaired and nothing looks wrong."
     return Section("Data, repairs and doubts", text, [table])

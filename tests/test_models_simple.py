@@ -202,6 +202,17 @@ def test_sampled_pd(version, n, delay):
     assert (np.abs(command) == limit).any() and (np.abs(command) < limit).any()
 
 
+def test_the_differenced_velocity_passes_a_low_pass():
+    """A ramp of q at 1 rad/s: the velocity's step response 1 - exp(-2 pi f t) at the samples, kd = 1 N.m.s/rad."""
+    start = {"kd[1]": 1.0, "velocity_cutoff": 30.0}
+    fmu = Importer(fmu_path("PDController"), start)
+    for k in range(1, 200):
+        fmu.set("q[1]", k * 1e-3)
+        fmu.step((k - 1) * 1e-3, 1e-3)
+        # the difference over 1 ms carries the rounding of 0.2 rad, 3e-17 / 1e-3
+        assert fmu.get("tau[1]") == pytest.approx(np.expm1(-2 * np.pi * 30.0 * k * 1e-3), abs=1e-12)
+
+
 def test_the_controller_of_emps_gives_the_recorded_voltage(shared_data):
     """u = kv (kp (q_ref - q) - dq) limited to 10 V, fed with the recorded q: the recorded u, to the file's rounding."""
     folder = shared_data / "emps"

@@ -1,5 +1,7 @@
 /* Sampled PD controller with output limit, see README.md. */
 
+#include "../shared/elementary.h"
+
 #define KEPT 17
 
 /* Newest first: everything moves back by one, `value` goes to the front. */
@@ -18,9 +20,17 @@ static double difference(const Model *m, int joint) {
     return span > 0.0 ? (m->kept_q[joint * KEPT] - m->kept_q[joint * KEPT + n]) / span : 0.0;
 }
 
+/* v(k) = v(k-1) + (1 - exp(-2 pi f (t(k) - t(k-1)))) (dq(k) - v(k-1)), v = dq where f = 0 */
+static double smoothed(Model *m, int joint) {
+    double dq = difference(m, joint);
+    double rate = 2.0 * PI * m->velocity_cutoff * m->kept_step[0];
+    m->slow_dq[joint] = m->velocity_cutoff > 0.0 ? m->slow_dq[joint] + (1.0 - exp_real(-rate)) * (dq - m->slow_dq[joint]) : dq;
+    return m->slow_dq[joint];
+}
+
 /* tau = scale limit(kp (q_ref - q) + kd (dq_ref - dq) + tau_ff) */
 static void control(Model *m, int joint) {
-    double dq = (int)m->velocity == VELOCITY_INPUT ? m->dq[joint] : difference(m, joint);
+    double dq = (int)m->velocity == VELOCITY_INPUT ? m->dq[joint] : smoothed(m, joint);
     double command = m->kp[joint] * (m->q_ref[joint] - m->q[joint]) + m->kd[joint] * (m->dq_ref[joint] - dq) + m->tau_ff[joint];
     double limit = m->torque_limit[joint];
     if (limit > 0.0 && command > limit) {

@@ -1,10 +1,10 @@
 """Recorded round-trip times as one-way delays over time.
 
 A trace of round trips (request k leaves when answer k-1 has come) holds no one-way delays and no clock. Both are made:
-exchange k begins at t_k = sum of the round trips before it; a `share` of its round trip is the way there, the rest the way
-back. A channel reads its delay when it receives, so the value share * rtt_k stands at t_k + share * rtt_k, and the value
-(1 - share) * rtt_k at t_k + rtt_k. share = 0.5 is the symmetric split; a network with a slow uplink has more. The sum of both
-delays, which alone counts for stability with constant delays, does not depend on the share.
+exchange k begins at t_k = sum of the round trips before it; a `share` of its round trip is the way there, the rest the
+way back. A channel reads its delay when it receives, so the value share * rtt_k stands at t_k + share * rtt_k, and the
+value (1 - share) * rtt_k at t_k + rtt_k. share = 0.5 is the symmetric split; a network with a slow uplink has more. The
+sum of both delays, which alone counts for stability with constant delays, does not depend on the share.
 """
 
 import numpy as np

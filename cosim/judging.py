@@ -1,4 +1,6 @@
-"""A run and its twin: the same scenario with a slightly different start, so that the growth of small disturbances shows."""
+"""A run and its twin: the same scenario with a slightly different start, so that the growth of small disturbances
+shows.
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -13,11 +15,13 @@ from cosim.summary import Judged, number, tracking
 from cosim.wiring import Wiring
 
 
-
 def twin_of(wiring: Wiring) -> Scenario | None:
-    """The scenario with the start of every arm moved by 1e-6 rad/s (see cosim.stability.verdict); None without an arm."""
-    arms = {name: len(wiring.descriptions[name].elements("dq_start")) for name in wiring.scenario.components
-            if wiring.descriptions[name].elements("dq_start") and wiring.descriptions[name].elements("dq")}  # fmt: skip
+    """The scenario, the start of every arm moved by 1e-6 rad/s (see cosim.stability.verdict); None without an arm."""
+    arms = {
+        name: len(wiring.descriptions[name].elements("dq_start"))
+        for name in wiring.scenario.components
+        if wiring.descriptions[name].elements("dq_start") and wiring.descriptions[name].elements("dq")
+    }
     if not arms:
         return None
     changes = perturbation(arms)
@@ -26,14 +30,17 @@ def twin_of(wiring: Wiring) -> Scenario | None:
 
 
 def judged_run(
-    scenario: Scenario, system: System, progress: Callable[[Progress], None] | None = None,
+    scenario: Scenario,
+    system: System,
+    progress: Callable[[Progress], None] | None = None,
     record: Sequence[str] | None = None,
 ) -> Judged:
     """Run a scenario, and its twin unless the first run failed or was interrupted; both on the loaded FMUs."""
     result = run(scenario, system, progress, record)
     wiring = system.wiring(scenario)
-    plain = Judged(result, wiring, result.outcome, tracking=tracking(result), notes=wiring.notes,
-                   interrupted=result.interrupted)  # fmt: skip
+    plain = Judged(
+        result, wiring, result.outcome, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted
+    )
     twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
     if twin is None:
         return plain
@@ -47,8 +54,16 @@ def _rates(result: Result) -> list[str]:
 
 def _with_verdict(plain: Judged, twin: Result) -> Judged:
     if twin.interrupted or twin.outcome is Outcome.FAILED:
-        return evolve(plain, notes=plain.notes + (f"no verdict: the twin run ended early ({twin.message})",),
-                      interrupted=twin.interrupted)  # fmt: skip
+        return evolve(
+            plain,
+            notes=plain.notes + (f"no verdict: the twin run ended early ({twin.message})",),
+            interrupted=twin.interrupted,
+        )
     verdict = judge(plain.result, twin)
     interval = tuple(number(v) for v in verdict.interval)
-    return evolve(plain, outcome=verdict.outcome, growth_rate=number(verdict.growth_rate), interval=None if None in interval else interval)
+    return evolve(
+        plain,
+        outcome=verdict.outcome,
+        growth_rate=number(verdict.growth_rate),
+        interval=None if None in interval else interval,
+    )

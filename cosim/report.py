@@ -4,7 +4,7 @@ The only module that imports jinja2. Everything is inline: no script, no font, n
 """
 
 from collections.abc import Iterable, Sequence
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 from attrs import field, frozen
@@ -65,7 +65,7 @@ def render(report: Report) -> str:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
-    made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return environment.get_template("report.html.j2").render(report=report, made=made)
 
 

@@ -1,14 +1,13 @@
 """Results on disk: HDF5 with units and provenance, CSV and MAT for other tools. The only module that imports h5py.
 
-Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elements), each with the attribute `unit`; the root
-holds outcome, message, scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
+Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elements), each with the attribute `unit`;
+the root holds outcome, message, scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
 """
 
 import json
 import platform
 import shlex
 import sys
-from collections.abc import Mapping
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -44,10 +43,13 @@ def command_line() -> str:
 def provenance(result: Result) -> dict[str, object]:
     """Where a result comes from, as plain values: scenario text, FMUs, versions, seed, command, effects."""
     return {
-        "scenario": to_toml(result.scenario), "seed": result.scenario.experiment.seed, "effects": list(result.scenario.effects),
+        "scenario": to_toml(result.scenario),
+        "seed": result.scenario.experiment.seed,
+        "effects": list(result.scenario.effects),
         "fmus": [{"component": f.component, "name": f.model, "fmi": f.fmi, "sha256": f.sha256} for f in result.fmus],
-        "versions": versions(), "command": command_line(),
-    }  # fmt: skip
+        "versions": versions(),
+        "command": command_line(),
+    }
 
 
 def write_h5(result: Result, path: Path | str) -> Path:
@@ -108,14 +110,20 @@ def _read(file) -> Result:
     order = json.loads(file.attrs["signals"])
     stopped = file.attrs.get("stopped_at")
     return Result(
-        load_text(file.attrs["scenario"]), Outcome(file.attrs["outcome"]), file["time"][...],
-        {name: signals[name] for name in order}, {name: units[name] for name in order}, None if stopped is None else float(stopped),
-        file.attrs["message"], float(file.attrs["wall_time"]), fmus,
-    )  # fmt: skip
+        load_text(file.attrs["scenario"]),
+        Outcome(file.attrs["outcome"]),
+        file["time"][...],
+        {name: signals[name] for name in order},
+        {name: units[name] for name in order},
+        None if stopped is None else float(stopped),
+        file.attrs["message"],
+        float(file.attrs["wall_time"]),
+        fmus,
+    )
 
 
 def export_csv(result: Result, path: Path | str) -> Path:
-    """Write all signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, then one line per row, 17 digits."""
+    """Write the signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, a line per row, 17 digits."""
     path = Path(path)
     header = ",".join(["time [s]"] + [f"{name} [{result.units[name]}]" for name in result.signals])
     table = np.column_stack([result.time, *result.signals.values()])
@@ -140,8 +148,11 @@ def export_mat(result: Result, path: Path | str) -> Path:
     return Path(path)
 
 
-def write_table(columns: Mapping[str, object], units: Mapping[str, str], attributes: Mapping[str, str], path: Path | str) -> Path:
-    """Write a table as HDF5: one dataset (n,) a column, numbers or text, in `/columns`; attribute `unit` where there is one.
+def write_table(
+    columns: Mapping[str, object], units: Mapping[str, str], attributes: Mapping[str, str], path: Path | str
+) -> Path:
+    """Write a table as HDF5: one dataset (n,) a column, numbers or text, in `/columns`; attribute `unit` where there is
+    one.
 
     The same columns give the same bytes: nothing of the moment is written. The file is complete or not there.
     """
@@ -171,6 +182,9 @@ def read_table(path: Path | str) -> dict[str, list]:
 
     try:
         with h5py.File(path, "r") as file:
-            return {name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]] for name, data in file["columns"].items()}
+            return {
+                name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]]
+                for name, data in file["columns"].items()
+            }
     except (OSError, KeyError) as error:
         raise InputError(Problem(str(path), "a table of cosim", str(error))) from None

@@ -1,11 +1,12 @@
-"""The schedule of a master algorithm: what is set, stepped, read and recorded, in which order, apart from who executes it.
+"""The schedule of a master algorithm: what is set, stepped, read and recorded, in which order, apart from who executes
+it.
 
-Every output of every component has a place in `store[0:n]`, its value one step of its component before in `store[n:2n]`.
-A schedule repeats after `len(phases)` communication steps (the least common multiple of the components' step multiples).
-Executors (`cosim.master`, a compiled one) run the same operations and so give the same bits.
+Every output of every component has a place in `store[0:n]`, its value one step of its component before in
+`store[n:2n]`. A schedule repeats after `len(phases)` communication steps (the least common multiple of the components'
+step multiples). Executors (`cosim.master`, a compiled one) run the same operations and so give the same bits.
 
-Which value an input sees in the communication step from t_n to t_n+1 (step multiples k, producer p, consumer c; `newest`
-is the time of the newest value that p has delivered, `older` the one before, both in steps):
+Which value an input sees in the communication step from t_n to t_n+1 (step multiples k, producer p, consumer c;
+`newest` is the time of the newest value that p has delivered, `older` the one before, both in steps):
 
 - Jacobi: all inputs are set before any component steps, so newest <= n.
 - Gauss-Seidel: components step one after another; p ahead of c in the order has delivered newest = n + k_p already.
@@ -33,11 +34,11 @@ def _numbers():
 
 @frozen
 class SetInputs:
-    """inputs[:] = store[source], then along lines: inputs[line] += weight (store[newer] - store[older]) where weight != 0,
-    slopes[:] = (store[newer] - store[older]) / span for the inputs on lines; the others are held.
+    """inputs[:] = store[source], then along lines: inputs[line] += weight (store[newer] - store[older]) where weight !=
+    0, slopes[:] = (store[newer] - store[older]) / span for the inputs on lines; the others are held.
 
-    source: (inputs,) places in the store; line: (lines,) places among the inputs; newer, older: (lines,) places in the store;
-    weight: (lines,) [1]; span: (lines,) [s].
+    source: (inputs,) places in the store; line: (lines,) places among the inputs; newer, older: (lines,) places in the
+    store; weight: (lines,) [1]; span: (lines,) [s].
     """
 
     component: int
@@ -145,7 +146,9 @@ def build_schedule(units: Sequence[Unit], order: Sequence[int], algorithm: Algor
     offset = tuple(int(v) for v in np.concatenate([[0], np.cumsum(count)[:-1]])) if units else ()
     builder = _Builder(tuple(units), tuple(order), algorithm, offset, sum(count), step_ns)
     period = math.lcm(*(unit.multiple for unit in units)) if units else 1
-    return Schedule(tuple(u.name for u in units), offset, count, tuple(builder.phase(n) for n in range(period)), step_ns)
+    return Schedule(
+        tuple(u.name for u in units), offset, count, tuple(builder.phase(n) for n in range(period)), step_ns
+    )
 
 
 @frozen
@@ -202,9 +205,9 @@ def mean_age(algorithm: Algorithm, producer: Unit, consumer: Unit, ahead: bool, 
     """Mean age of a held input over the consumer's steps, in communication steps: when it acts, less when it was so.
 
     A sampled consumer acts at the end of its step of k_c; an integrating one throughout it, on average in its middle. A
-    value of time `held` therefore has the age now + k_c - held, or now + k_c/2 - held. With equal step multiples: Jacobi
-    1 and 1/2, Gauss-Seidel behind its producer 0 and -1/2. To first order in the step a loop cannot tell this age from a
-    delay; an input on a line has none (its error is of second order).
+    value of time `held` therefore has the age now + k_c - held, or now + k_c/2 - held. With equal step multiples:
+    Jacobi 1 and 1/2, Gauss-Seidel behind its producer 0 and -1/2. To first order in the step a loop cannot tell this
+    age from a delay; an input on a line has none (its error is of second order).
     """
     return chain_age(algorithm, (producer, consumer), (ahead,), integrates)
 
@@ -212,7 +215,7 @@ def mean_age(algorithm: Algorithm, producer: Unit, consumer: Unit, ahead: bool, 
 def chain_age(algorithm: Algorithm, chain: Sequence[Unit], ahead: Sequence[bool], integrates: bool) -> Fraction:
     """Mean age of a signal that is held from component to component, in communication steps; exact for all multiples.
 
-    `ahead[i]` says whether chain[i] steps before chain[i + 1]. Each value is followed back: the last component's step from
+    `ahead[i]`: chain[i] steps before chain[i + 1]. Each value is followed back: the last component's step from
     `now` uses a value that its producer gave at the time `held`, computed in the step from held - k, and so on. (The
     ages of single hops add up to this where all multiples are equal; else it matters which values are passed on.)
     """

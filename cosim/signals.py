@@ -17,7 +17,7 @@ class Unit:
     factor: float = 1.0
 
     def joins(self, other: "Unit") -> bool:
-        """Whether a signal of this unit may be wired to one of the other: same dimension, radians counted, same scale."""
+        """Whether a signal may be wired to one of the other unit: same dimension, radians counted, same scale."""
         if not self.name or not other.name:
             return True
         if self.exponents is not None and other.exponents is not None:

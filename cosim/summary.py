@@ -71,7 +71,9 @@ def summary(judged: Judged) -> dict[str, object]:
         "communication_step": experiment.step,
         "algorithm": experiment.algorithm.value,
         "extrapolation": experiment.extrapolation.value,
-        "added_delay": [{"what": what, "way": way, "seconds": age} for what, way, age in direction_table(judged.wiring)],
+        "added_delay": [
+            {"what": what, "way": way, "seconds": age} for what, way, age in direction_table(judged.wiring)
+        ],
         "limit_hit_at": limit_time(result),
         "effects": list(result.scenario.effects),
         "fmus": [{"component": f.component, "name": f.model, "fmi": f.fmi, "sha256": f.sha256} for f in result.fmus],

@@ -37,7 +37,9 @@ class FakeSlave(Slave):
         self.sloped = sloped
 
     def start(self, values):
-        self.v = {v.name: v.start if v.start is not None else 0.0 for v in self.description.variables.values()} | dict(values)
+        self.v = {v.name: v.start if v.start is not None else 0.0 for v in self.description.variables.values()} | dict(
+            values
+        )
         self.slope, self.time, self.begun = {}, 0.0, False
         if self.on_begin:
             self.on_begin(self.v)
@@ -115,21 +117,32 @@ def scenario(components, connections, **more):
 # An oscillator loop: a mass driven by a sampled spring and damper; x'' = f, f = -k x - b v.
 MASS = (
     description(
-        "Mass", variable("f", "input", "N"), variable("x", "output", feedthrough=()), variable("v", "output", "m/s", feedthrough=()),
-        variable("x0", "parameter"), variable("domain", "output", "1", feedthrough=()), integrates=True,
+        "Mass",
+        variable("f", "input", "N"),
+        variable("x", "output", feedthrough=()),
+        variable("v", "output", "m/s", feedthrough=()),
+        variable("x0", "parameter"),
+        variable("domain", "output", "1", feedthrough=()),
+        integrates=True,
     ),
     lambda name, d: FakeSlave(
-        name, d, begin=lambda v: v.update(x=v["x0"], v=0.0, domain=1.0),
+        name,
+        d,
+        begin=lambda v: v.update(x=v["x0"], v=0.0, domain=1.0),
         advance=integrator(lambda v, t: [v["v"], v["f"]], ["x", "v"]),
     ),
-)  # fmt: skip
+)
 SPRING = (
     description(
-        "Spring", variable("x", "input"), variable("v", "input", "m/s"), variable("f", "output", "N", feedthrough=("x", "v")),
-        variable("k", "parameter", "N/m", start=4.0, minimum=0.0), variable("b", "parameter", "N.s/m", start=0.4),
+        "Spring",
+        variable("x", "input"),
+        variable("v", "input", "m/s"),
+        variable("f", "output", "N", feedthrough=("x", "v")),
+        variable("k", "parameter", "N/m", start=4.0, minimum=0.0),
+        variable("b", "parameter", "N.s/m", start=0.4),
     ),
     lambda name, d: FakeSlave(name, d, outputs=lambda v, t: v.update(f=-v["k"] * v["x"] - v["b"] * v["v"])),
-)  # fmt: skip
+)
 MODELS = {"Mass": MASS, "Spring": SPRING}
 LOOP = ["mass.x -> spring.x", "mass.v -> spring.v", "spring.f -> mass.f"]
 

@@ -1,7 +1,8 @@
-"""The oracle of Sallam's loop: both arms, controllers and delays as one delay differential equation, written from the paper.
+"""The oracle of Sallam's loop: both arms, controllers and delays as one delay differential equation, written from the
+paper.
 
-Classic Runge-Kutta with a fixed step; the past is a cubic Hermite polynomial through tip positions and velocities. Plain
-floats, nothing of cosim. Halving the step from 2 ms to 1 ms changes the tips by less than 1e-11 m (tested).
+Classic Runge-Kutta with a fixed step; the past is a cubic Hermite polynomial through tip positions and velocities.
+Plain floats, nothing of cosim. Halving the step from 2 ms to 1 ms changes the tips by less than 1e-11 m (tested).
 """
 
 import math
@@ -64,9 +65,10 @@ class Loop:
         h00, h10, h01, h11 = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
         return [
             h00 * a + h10 * h * va + h01 * b + h11 * h * vb
-            for a, va, b, vb in zip(self.positions[i][arm], self.velocities[i][arm],
-                                    self.positions[i + 1][arm], self.velocities[i + 1][arm])
-        ]  # fmt: skip
+            for a, va, b, vb in zip(
+                self.positions[i][arm], self.velocities[i][arm], self.positions[i + 1][arm], self.velocities[i + 1][arm]
+            )
+        ]
 
     def rates(self, time, y, before_release):
         tips = [tip(y[0:3]), tip(y[6:9])]

@@ -17,7 +17,14 @@ COSIM = [sys.executable, "-m", "cosim"]
 
 
 def cosim(*words, folder=None, **environment):
-    return subprocess.run([*COSIM, *map(str, words)], capture_output=True, text=True, cwd=folder, env=os.environ | environment, timeout=120)
+    return subprocess.run(
+        [*COSIM, *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=os.environ | environment,
+        timeout=120,
+    )
 
 
 def test_help_answers_at_once():
@@ -49,20 +56,53 @@ def test_show_prints_units_ages_and_order(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "operator → arm_l → arm_r → channel_lr" in done.stdout
     assert "controller_r.f -> arm_r.f_command" in done.stdout and "[N] x 3" in done.stdout
-    lines = [line for line in done.stdout.splitlines() if line.strip().startswith(("local to remote", "remote to local"))]
+    lines = [
+        line for line in done.stdout.splitlines() if line.strip().startswith(("local to remote", "remote to local"))
+    ]
     assert len(lines) == 2 and all("+0.5 ms" in line for line in lines)
     assert list(tmp_path.iterdir()) == []
-    jacobi = cosim("show", "sallam-stable", "--set", "experiment.extrapolation=hold", "--set", "experiment.algorithm=jacobi").stdout
+    jacobi = cosim(
+        "show", "sallam-stable", "--set", "experiment.extrapolation=hold", "--set", "experiment.algorithm=jacobi"
+    ).stdout
     assert "+2.5 ms" in jacobi and "+1.5 ms" in jacobi
 
 
 def test_run_leaves_its_files(tmp_path):
-    done = cosim("run", "sallam-stable", "--set", "experiment.stop=8", "--out", tmp_path / "o", "--export", "csv", "--export", "mat")
+    done = cosim(
+        "run",
+        "sallam-stable",
+        "--set",
+        "experiment.stop=8",
+        "--out",
+        tmp_path / "o",
+        "--export",
+        "csv",
+        "--export",
+        "mat",
+    )
     assert done.returncode == 0, done.stderr
-    assert sorted(p.name for p in (tmp_path / "o").iterdir()) == ["report.html", "result.csv", "result.h5", "result.mat", "summary.json"]
+    assert sorted(p.name for p in (tmp_path / "o").iterdir()) == [
+        "report.html",
+        "result.csv",
+        "result.h5",
+        "result.mat",
+        "summary.json",
+    ]
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
-    for key in ("scenario", "outcome", "growth_rate", "growth_rate_interval", "tracking_rmse", "simulated_time", "wall_time",
-                "communication_step", "algorithm", "fmus", "seed", "versions"):  # fmt: skip
+    for key in (
+        "scenario",
+        "outcome",
+        "growth_rate",
+        "growth_rate_interval",
+        "tracking_rmse",
+        "simulated_time",
+        "wall_time",
+        "communication_step",
+        "algorithm",
+        "fmus",
+        "seed",
+        "versions",
+    ):
         assert key in summary
     assert summary["simulated_time"] == 8.0 and set(summary["tracking_rmse"]) == {"x", "y", "z", "total"}
     assert all(len(f["sha256"]) == 64 and f["name"] for f in summary["fmus"])
@@ -99,12 +139,16 @@ def test_three_mistakes_are_all_listed_and_nothing_runs(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "nothing"], "a shipped scenario"), (["run", "nothing.toml"], "no such file"),
-        (["run", "--set", "arm_l.qstart=1"], "did you mean 'q_start'"), (["run", "--set", "channel_lr.law=konstant"], "did you mean 'constant'"),
-        (["show", "--set", "x", "contact"], "path=value"), (["run", "--set", "arm_l.model=PhantomArms"], "did you mean 'PhantomArm'"),
-        (["run", "--set", "arm_l.internal_steps=1.5"], "a whole number"), (["run", "--effects", "none.toml"], "nothing at"),
+        (["run", "nothing"], "a shipped scenario"),
+        (["run", "nothing.toml"], "no such file"),
+        (["run", "--set", "arm_l.qstart=1"], "did you mean 'q_start'"),
+        (["run", "--set", "channel_lr.law=konstant"], "did you mean 'constant'"),
+        (["show", "--set", "x", "contact"], "path=value"),
+        (["run", "--set", "arm_l.model=PhantomArms"], "did you mean 'PhantomArm'"),
+        (["run", "--set", "arm_l.internal_steps=1.5"], "a whole number"),
+        (["run", "--effects", "none.toml"], "nothing at"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_one_message(words, message, tmp_path):
     done = cosim(*words, folder=tmp_path)
     assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
@@ -143,7 +187,9 @@ def test_an_fmu_that_fails_in_the_middle_leaves_the_results_up_to_there(tmp_path
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     result = read_h5(tmp_path / "o" / "result.h5")
     assert summary["outcome"] == "failed" and 9.0 < summary["stopped_at"] < 19.0
-    assert result.time[-1] == pytest.approx(summary["stopped_at"], abs=1e-9) and (tmp_path / "o" / "report.html").is_file()
+    assert (
+        result.time[-1] == pytest.approx(summary["stopped_at"], abs=1e-9) and (tmp_path / "o" / "report.html").is_file()
+    )
 
 
 def test_impossible_parameters_name_fmu_and_parameter(tmp_path):
@@ -152,10 +198,23 @@ def test_impossible_parameters_name_fmu_and_parameter(tmp_path):
 
 
 def test_interruption_keeps_what_was_computed(tmp_path):
-    words = ["run", "sallam-stable", "--out", tmp_path / "o", "--no-report", "--set", "experiment.stop=20000", "--set", "experiment.record_every=1000",
-             "--set", "operator.stop_time=1e9"]  # fmt: skip
+    words = [
+        "run",
+        "sallam-stable",
+        "--out",
+        tmp_path / "o",
+        "--no-report",
+        "--set",
+        "experiment.stop=20000",
+        "--set",
+        "experiment.record_every=1000",
+        "--set",
+        "operator.stop_time=1e9",
+    ]
     cosim("show", "sallam-stable")  # whatever must be built is built
-    with subprocess.Popen([*COSIM, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [*COSIM, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         time.sleep(4.0)
         process.send_signal(signal.SIGINT)
         _, stderr = process.communicate(timeout=60)
@@ -165,7 +224,9 @@ def test_interruption_keeps_what_was_computed(tmp_path):
 
 
 def test_a_missing_compiler_and_an_unwritable_folder_are_told(tmp_path):
-    done = cosim("run", "sallam-stable", "--out", tmp_path / "o", CC="/no/such/compiler", COSIM_CACHE=str(tmp_path / "cache"))
+    done = cosim(
+        "run", "sallam-stable", "--out", tmp_path / "o", CC="/no/such/compiler", COSIM_CACHE=str(tmp_path / "cache")
+    )
     assert done.returncode == 1 and "Traceback" not in done.stderr and "/no/such/compiler" in done.stderr
     (tmp_path / "file").write_text("")
     done = cosim("run", "sallam-stable", "--out", tmp_path / "file" / "o")

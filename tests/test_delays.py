@@ -13,7 +13,9 @@ from cosim.scenario import load_scenario, with_parameters
 
 def test_constant_round_trips_split_exactly():
     time, there, back = one_way(np.full(50, 0.2), 0.25, 0.01)
-    assert np.allclose(there, 0.05, atol=1e-15) and np.allclose(back, 0.15, atol=1e-15) and time[-1] == pytest.approx(10.0)
+    assert (
+        np.allclose(there, 0.05, atol=1e-15) and np.allclose(back, 0.15, atol=1e-15) and time[-1] == pytest.approx(10.0)
+    )
 
 
 def test_values_stand_at_the_moment_of_receipt():
@@ -44,12 +46,21 @@ def test_the_shipped_trace_is_replayed_by_the_channels():
 
 @pytest.mark.parametrize("share", [0.5, 0.8])
 def test_a_real_trace_runs(shared_data, tmp_path, share):
-    """Trace 024 (a robot across the city): 101 to 545 ms round trip, split in two ways; the SI loop stays stable on it."""
+    """Trace 024 (a robot across the city): 101 to 545 ms round trip, split two ways; the SI loop stays stable on it."""
     trips = np.loadtxt(shared_data / "telerobot_rtt" / "rtt_024.csv", delimiter=",", skiprows=1)[:, 1] * 1e-3
     time, there, back = one_way(trips, share, 0.01)
     keep = time <= 40.0
-    np.savetxt(tmp_path / "trace.csv", np.column_stack([time, there, back])[keep], delimiter=",", header="time,lr,rl", comments="")
-    made = load_scenario("recorded-delay", [f"trace.recording={tmp_path / 'trace.csv'}", 'trace.columns=["lr", "rl"]', "experiment.stop=30"])
+    np.savetxt(
+        tmp_path / "trace.csv",
+        np.column_stack([time, there, back])[keep],
+        delimiter=",",
+        header="time,lr,rl",
+        comments="",
+    )
+    made = load_scenario(
+        "recorded-delay",
+        [f"trace.recording={tmp_path / 'trace.csv'}", 'trace.columns=["lr", "rl"]', "experiment.stop=30"],
+    )
     with open_system(made) as system:
         result = run(made, system)
     assert result.outcome is Outcome.BOUNDED

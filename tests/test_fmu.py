@@ -5,8 +5,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from build_fmus.build import fmu_path
 
+from build_fmus.build import fmu_path
 from cosim.errors import InputError, RunError
 from cosim.fmu import describe, extracted, load, open_system, read_columns
 from cosim.master import run
@@ -23,7 +23,14 @@ def test_both_versions_are_described_alike():
     assert two.stems("output") == three.stems("output") and two.stems("parameter") == three.stems("parameter")
     for name in two.names("output") + two.names("parameter"):
         a, b = two.variables[name], three.variables[name]
-        assert (a.unit, a.start, a.minimum, a.maximum, a.feedthrough, a.items) == (b.unit, b.start, b.minimum, b.maximum, b.feedthrough, b.items)
+        assert (a.unit, a.start, a.minimum, a.maximum, a.feedthrough, a.items) == (
+            b.unit,
+            b.start,
+            b.minimum,
+            b.maximum,
+            b.feedthrough,
+            b.items,
+        )
     assert two.variables["q[1]"].feedthrough == () and two.variables["q[1]"].unit.name == "rad"
 
 

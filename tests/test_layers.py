@@ -10,7 +10,16 @@ MODULES = sorted((ROOT / "cosim").rglob("*.py"))
 
 # Lower layers first; a module may import from its own part or from the lines above, never from those below.
 LAYERS = [
-    ["errors", "outcome", "signals", "arm", "delays", "ssp", "report", "plots.canvas"],  # a page and a canvas know nothing of the rest
+    [
+        "errors",
+        "outcome",
+        "signals",
+        "arm",
+        "delays",
+        "ssp",
+        "report",
+        "plots.canvas",
+    ],  # a page and a canvas know nothing of the rest
     ["scenario"],
     ["schedule", "slave"],
     ["wiring"],
@@ -29,10 +38,21 @@ LAYERS = [
 # Pages of a study are written beside the study and draw with its plots.
 PAGES = {("identify", "plots"), ("closure", "plots"), ("sweep", "plots"), ("stability", "plots")}
 HEAVY = {
-    "fmpy": {"fmu.description", "fmu.fmi2", "fmu.fmi3", "fmu.instance", "fmu.places", "export.container"}, "control": {"stability.margin"}, "h5py": {"results", "sweep.table", "table"}, "matplotlib": {"plots.canvas"},
-    "jinja2": {"report"}, "dask": {"sweep.cluster"}, "distributed": {"sweep.cluster"}, "pyarrow": {"measured.reader"},
-}  # fmt: skip
-COMMANDS = [p for p in MODULES if p.parent.name == "cli" and (p.stem == "__init__" or "def command(" in p.read_text() or "typer.Typer(" in p.read_text())]
+    "fmpy": {"fmu.description", "fmu.fmi2", "fmu.fmi3", "fmu.instance", "fmu.places", "export.container"},
+    "control": {"stability.margin"},
+    "h5py": {"results", "sweep.table", "table"},
+    "matplotlib": {"plots.canvas"},
+    "jinja2": {"report"},
+    "dask": {"sweep.cluster"},
+    "distributed": {"sweep.cluster"},
+    "pyarrow": {"measured.reader"},
+}
+COMMANDS = [
+    p
+    for p in MODULES
+    if p.parent.name == "cli"
+    and (p.stem == "__init__" or "def command(" in p.read_text() or "typer.Typer(" in p.read_text())
+]
 
 
 def name_of(path: Path) -> str:
@@ -86,7 +106,22 @@ def test_heavy_packages_have_one_home(path):
 
 @pytest.mark.parametrize("path", COMMANDS, ids=name_of)
 def test_commands_import_nothing_heavy_at_the_top(path):
-    light = {"typer", "cosim", "pathlib", "sys", "typing", "enum", "collections", "functools", "importlib", "json", "re", "math", "attrs", "itertools"}
+    light = {
+        "typer",
+        "cosim",
+        "pathlib",
+        "sys",
+        "typing",
+        "enum",
+        "collections",
+        "functools",
+        "importlib",
+        "json",
+        "re",
+        "math",
+        "attrs",
+        "itertools",
+    }
     heavy = {name for name, top in imports(path) if top and name.partition(".")[0] not in light}
     assert not heavy
 

@@ -38,7 +38,10 @@ def test_order_of_convergence(algorithm, extrapolation, order):
 
 def test_a_fast_and_a_slow_component_keep_the_order():
     def slow(step):
-        parts = {"mass": Component(model="Mass", parameters={"x0": 1.0}), "spring": Component(model="Spring", step_multiple=4)}
+        parts = {
+            "mass": Component(model="Mass", parameters={"x0": 1.0}),
+            "spring": Component(model="Spring", step_multiple=4),
+        }
         made = scenario(parts, ["mass.x -> spring.x", "mass.v -> spring.v", "spring.f -> mass.f"], stop=4.0, step=step)
         result = run(made, FakeSystem(made, MODELS), executor=execute)
         return np.abs(result.signals["mass.x"] - exact(result.time)).max()
@@ -91,7 +94,10 @@ def failing(at, how):
             return how(v)
         return None
 
-    spring = (SPRING[0], lambda n, d: FakeSlave(n, d, advance=advance, outputs=lambda v, t: v.update(f=v.get("bad", -v["k"] * v["x"]))))
+    spring = (
+        SPRING[0],
+        lambda n, d: FakeSlave(n, d, advance=advance, outputs=lambda v, t: v.update(f=v.get("bad", -v["k"] * v["x"]))),
+    )
     return {"Mass": MASS, "Spring": spring}
 
 
@@ -121,17 +127,33 @@ def test_values_that_are_not_finite_name_fmu_variable_and_time(value):
 
 def test_the_fmu_that_gave_nan_is_named_not_the_one_that_choked_on_it():
     choking = FakeSlave
-    mass = (MASS[0], lambda n, d: choking(n, d, begin=lambda v: v.update(x=v["x0"], v=0.0, domain=1.0),
-                                          advance=lambda v, s, t, h: raising(v) if math.isnan(v["f"]) else None))  # fmt: skip
+    mass = (
+        MASS[0],
+        lambda n, d: choking(
+            n,
+            d,
+            begin=lambda v: v.update(x=v["x0"], v=0.0, domain=1.0),
+            advance=lambda v, s, t, h: raising(v) if math.isnan(v["f"]) else None,
+        ),
+    )
     models = {"Mass": mass, "Spring": failing(0.5, lambda v: v.update(bad=math.nan))["Spring"]}
     assert outcome(models, order=("spring", "mass")).failure.fmu == "spring"
 
 
 def test_domain_exit():
-    leaving = (MASS[0], lambda n, d: FakeSlave(n, d, begin=lambda v: v.update(x=v["x0"], v=0.0, domain=1.0),
-                                               advance=lambda v, s, t, h: v.update(domain=float(t < 0.295))))  # fmt: skip
+    leaving = (
+        MASS[0],
+        lambda n, d: FakeSlave(
+            n,
+            d,
+            begin=lambda v: v.update(x=v["x0"], v=0.0, domain=1.0),
+            advance=lambda v, s, t, h: v.update(domain=float(t < 0.295)),
+        ),
+    )
     result = outcome({"Mass": leaving, "Spring": SPRING})
-    assert result.outcome is Outcome.DOMAIN_EXIT and result.stopped_at == 0.31 and "mass left the domain" in result.message
+    assert (
+        result.outcome is Outcome.DOMAIN_EXIT and result.stopped_at == 0.31 and "mass left the domain" in result.message
+    )
     assert result.failure is None and len(result.time) == 32
 
 

@@ -64,9 +64,17 @@ def checked(page):
 def test_a_page_is_whole_and_offline(tmp_path):
     table = Table(("name", "value"), [("a", 1.23456789), ("b", None), ("c & <d>", 2)], "numbers")
     sections = [Section(f"Part {i}", "One.\n\nTwo.", [table], [Figure(drawing(), "seen")]) for i in range(3)]
-    page = write_report(Report("T <1>", "Good.", sections, {"version": "1 < 2"}, "good"), tmp_path / "a" / "r.html").read_text()
+    page = write_report(
+        Report("T <1>", "Good.", sections, {"version": "1 < 2"}, "good"), tmp_path / "a" / "r.html"
+    ).read_text()
     checked(page)
-    assert "T &lt;1&gt;" in page and "c &amp; &lt;d&gt;" in page and "1.23457" in page and "–" in page and "1 &lt; 2" in page
+    assert (
+        "T &lt;1&gt;" in page
+        and "c &amp; &lt;d&gt;" in page
+        and "1.23457" in page
+        and "–" in page
+        and "1 &lt; 2" in page
+    )
 
 
 def test_figures_do_not_share_ids():
@@ -99,8 +107,14 @@ def test_the_report_of_a_run_without_arms(judged):
 
 @pytest.mark.parametrize("count", [1, 2, 5, 9])
 def test_boxes_never_overlap(count):
-    parts = {f"m{i}": Component(model="Mass") for i in range(count)} | {f"s{i}": Component(model="Spring") for i in range(count)}
-    wires = [w.replace("mass", f"m{i}").replace("spring", f"s{i}") for i in range(count) for w in ("mass.x -> spring.x", "spring.f -> mass.f")]
+    parts = {f"m{i}": Component(model="Mass") for i in range(count)} | {
+        f"s{i}": Component(model="Spring") for i in range(count)
+    }
+    wires = [
+        w.replace("mass", f"m{i}").replace("spring", f"s{i}")
+        for i in range(count)
+        for w in ("mass.x -> spring.x", "spring.f -> mass.f")
+    ]
     made = scenario(parts, wires)
     wiring = FakeSystem(made, MODELS).wiring(made)
     boxes = place(wiring)
@@ -114,5 +128,7 @@ def test_thinned_figures_keep_the_page_small(judged):
     from attrs import evolve
 
     n = 200_000
-    long = evolve(judged.result, time=np.arange(n) * 1e-3, signals={k: np.sin(np.arange(n) * 0.01) for k in judged.result.signals})
+    long = evolve(
+        judged.result, time=np.arange(n) * 1e-3, signals={k: np.sin(np.arange(n) * 0.01) for k in judged.result.signals}
+    )
     assert len(render(run_report(evolve(judged, result=long)))) < 2_000_000

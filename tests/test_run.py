@@ -46,11 +46,19 @@ def test_the_twin_differs_in_the_start_of_the_arms_only(made, system):
 
 def test_tracking_is_the_rms_distance(judged):
     n = len(judged.result.time)
-    known = {"arm_l.x[1]": np.full(n, 3e-3), "arm_l.x[2]": np.zeros(n), "arm_l.x[3]": np.zeros(n), "arm_r.x[1]": np.zeros(n),
-             "arm_r.x[2]": np.linspace(-1, 1, n) * 4e-3, "arm_r.x[3]": np.zeros(n)}  # fmt: skip
+    known = {
+        "arm_l.x[1]": np.full(n, 3e-3),
+        "arm_l.x[2]": np.zeros(n),
+        "arm_l.x[3]": np.zeros(n),
+        "arm_r.x[1]": np.zeros(n),
+        "arm_r.x[2]": np.linspace(-1, 1, n) * 4e-3,
+        "arm_r.x[3]": np.zeros(n),
+    }
     found = tracking(evolve(judged.result, signals=judged.result.signals | known))
     assert isinstance(found, Tracking) and found.axes[0] == pytest.approx(3e-3) and found.axes[2] == 0.0
-    assert found.axes[1] == pytest.approx(4e-3 / np.sqrt(3), rel=2e-3)  # RMS of a ramp; n samples instead of an integral
+    assert found.axes[1] == pytest.approx(
+        4e-3 / np.sqrt(3), rel=2e-3
+    )  # RMS of a ramp; n samples instead of an integral
     assert found.total == pytest.approx(np.hypot(found.axes[0], found.axes[1]))
 
 
@@ -64,7 +72,18 @@ def test_the_summary_is_json_without_nan(judged):
 
 def test_the_report_shows_tracking_forces_delays_paths_and_wiring(judged):
     page = render(run_report(judged))
-    for words in ("Tracking", "Forces", "Delays", "Joints", "Wiring", "Components", "Path of the tips", "channel_lr", "SHA-256", "Provenance"):
+    for words in (
+        "Tracking",
+        "Forces",
+        "Delays",
+        "Joints",
+        "Wiring",
+        "Components",
+        "Path of the tips",
+        "channel_lr",
+        "SHA-256",
+        "Provenance",
+    ):
         assert words in page
     assert "http://" not in page.replace("http://www.w3.org/", "") and "https://" not in page
 
@@ -72,7 +91,11 @@ def test_the_report_shows_tracking_forces_delays_paths_and_wiring(judged):
 def test_a_run_out_of_the_domain_is_a_result(made, system):
     pushed = with_parameters(made, {"operator.amplitude": [5.0, 0.0, 0.0], "arm_*.workspace_limits": True})
     judged = judged_run(pushed, system)
-    assert judged.outcome is Outcome.DOMAIN_EXIT and judged.result.stopped_at < 6.0 and "left the domain" in judged.result.message
+    assert (
+        judged.outcome is Outcome.DOMAIN_EXIT
+        and judged.result.stopped_at < 6.0
+        and "left the domain" in judged.result.message
+    )
     assert summary(judged)["simulated_time"] == judged.result.stopped_at
     assert "left the domain" in render(run_report(judged))
 

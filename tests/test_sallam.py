@@ -1,4 +1,6 @@
-"""Sallam's loop by co-simulation of the FMUs, held against one monolithic delay differential equation (tests/monolith.py)."""
+"""Sallam's loop by co-simulation of the FMUs, held against one monolithic delay differential equation
+(tests/monolith.py).
+"""
 
 import numpy as np
 import pytest
@@ -49,9 +51,15 @@ def test_the_oracle_has_converged(oracle):
     assert np.abs(coarse - oracle).max() < 1e-11
 
 
-# Greatest distance of either tip from the oracle over 30 s at 1 ms, measured: Gauss-Seidel hold 17.7 um (2.0 um at the end),
+# Greatest distance of either tip from the oracle over 30 s at 1 ms, measured: Gauss-Seidel hold 17.7 um (2.0 um at
+# the end),
 # Jacobi hold 172 um (7.9 um at the end), Gauss-Seidel linear 5.3 nm, Jacobi linear 37 nm. The bounds leave 20 %.
-CASES = [("gauss-seidel", "hold", 1, 21.2e-6), ("jacobi", "hold", 1, 207e-6), ("gauss-seidel", "linear", 2, 6.4e-9), ("jacobi", "linear", 2, 45e-9)]
+CASES = [
+    ("gauss-seidel", "hold", 1, 21.2e-6),
+    ("jacobi", "hold", 1, 207e-6),
+    ("gauss-seidel", "linear", 2, 6.4e-9),
+    ("jacobi", "linear", 2, 45e-9),
+]
 
 
 @pytest.mark.parametrize(("algorithm", "extrapolation", "order", "bound"), CASES)
@@ -71,7 +79,9 @@ def test_tips_follow_the_monolithic_solution(base, system, oracle, algorithm, ex
     ],
 )
 def test_reference_figures(base, system, delay, stop, local, remote, rms):
-    """The published table of the reference scenario; its digits end at 0.5e-9 rad, the second-order error is below 1.5e-7 rad."""
+    """The published table of the reference scenario; its digits end at 0.5e-9 rad, the second-order error is below
+    1.5e-7 rad.
+    """
     made = with_parameters(base, {"channel_*.delay_mean": delay, "experiment.stop": stop})
     result = run(made, system)
     assert result.vector("arm_l.q")[-1] == pytest.approx(local, abs=1.5e-7)
@@ -131,7 +141,10 @@ def test_zero_delay_equals_no_channel(base, system):
     from cosim.scenario import Connection
     from cosim.signals import Signal
 
-    direct = [Connection(Signal("arm_l", "x"), Signal("controller_r", "x_ref")), Connection(Signal("arm_r", "x"), Signal("controller_l", "x_ref"))]
+    direct = [
+        Connection(Signal("arm_l", "x"), Signal("controller_r", "x_ref")),
+        Connection(Signal("arm_r", "x"), Signal("controller_l", "x_ref")),
+    ]
     parts = {name: c for name, c in base.components.items() if "channel" not in name}
     bare = evolve(base, components=parts, connections=tuple(wires + direct))
     values = {"experiment.extrapolation": "hold", "experiment.stop": 3.0}
@@ -142,19 +155,36 @@ def test_zero_delay_equals_no_channel(base, system):
 
 
 def test_a_constant_delay_shifts_exactly(base, system):
-    result = run(with_parameters(base, {"experiment.stop": 3.0, "channel_*.delay_mean": 0.3, "experiment.record_every": 1,
-                                        "experiment.extrapolation": "hold"}), system)  # fmt: skip
+    result = run(
+        with_parameters(
+            base,
+            {
+                "experiment.stop": 3.0,
+                "channel_*.delay_mean": 0.3,
+                "experiment.record_every": 1,
+                "experiment.extrapolation": "hold",
+            },
+        ),
+        system,
+    )
     sent, received = result.vector("arm_l.x"), result.vector("channel_lr.y")
-    assert np.array_equal(received[300:], sent[:-300]) and np.array_equal(received[:300], np.repeat(sent[:1], 300, axis=0))
+    assert np.array_equal(received[300:], sent[:-300]) and np.array_equal(
+        received[:300], np.repeat(sent[:1], 300, axis=0)
+    )
 
 
 def test_a_million_steps_end_on_the_last(base):
     from cosim.scenario import Component, Connection, Experiment, Scenario
     from cosim.signals import Signal
 
-    parts = {"operator": Component(model="Operator", parameters={"amplitude": 0.001, "frequency": 0.25}), "channel": Component(model="VariableDelayChannel")}
+    parts = {
+        "operator": Component(model="Operator", parameters={"amplitude": 0.001, "frequency": 0.25}),
+        "channel": Component(model="VariableDelayChannel"),
+    }
     del parts["channel"]
-    parts["arm"] = Component(model="PhantomArm", parameters={"gravity_compensation": True, "stiffness": 1.0, "damping": 0.5})
+    parts["arm"] = Component(
+        model="PhantomArm", parameters={"gravity_compensation": True, "stiffness": 1.0, "damping": 0.5}
+    )
     wires = (Connection(Signal("operator", "f"), Signal("arm", "f")),)
     made = Scenario("long", Experiment(stop=1000.0, step=0.001, record_every=1000), parts, wires)
     result = run(made)
@@ -164,19 +194,33 @@ def test_a_million_steps_end_on_the_last(base):
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
 def test_holding_is_a_delay_of_the_age_that_the_wiring_gives(algorithm):
-    """Hold at delay T against lines at T and at T + age: the age takes the error of first order away and leaves one of second.
+    """Hold at delay T against lines at T and at T + age: the age takes the error of first order away and leaves one of
+    second.
 
-    The coupling is evaluated inside the arms, so that only the received position is held; free motion, so that nothing else is.
+    The coupling is evaluated inside the arms, so that only the received position is held; free motion, so that nothing
+    else is.
     """
-    values = {"arm_*.coulomb": 0.0, "arm_*.stiffness": 0.25, "arm_*.damping": 0.09, "arm_*.internal_steps": 1, "operator.amplitude": 0.0,
-              "arm_l.q_start": [0.05, 0.3, 0.4], "experiment.stop": 15.0, "experiment.record_every": 1}  # fmt: skip
+    values = {
+        "arm_*.coulomb": 0.0,
+        "arm_*.stiffness": 0.25,
+        "arm_*.damping": 0.09,
+        "arm_*.internal_steps": 1,
+        "operator.amplitude": 0.0,
+        "arm_l.q_start": [0.05, 0.3, 0.4],
+        "experiment.stop": 15.0,
+        "experiment.record_every": 1,
+    }
     made = with_parameters(load_scenario("sallam-nmm"), values | {"experiment.algorithm": algorithm})
     first, second = [], []
     with open_system(made) as opened:
         for step in (0.002, 0.001):
 
             def tip(extrapolation, delay):
-                changed = {"experiment.extrapolation": extrapolation, "channel_*.delay_mean": delay, "experiment.step": step}
+                changed = {
+                    "experiment.extrapolation": extrapolation,
+                    "channel_*.delay_mean": delay,
+                    "experiment.step": step,
+                }
                 chosen = with_parameters(made, changed)
                 return run(chosen, opened, record=["arm_l.x"]).vector("arm_l.x"), opened.wiring(chosen)
 

@@ -5,7 +5,16 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import InputError
-from cosim.scenario import Algorithm, Extrapolation, load_scenario, load_text, shipped, start_values, to_toml, with_parameters
+from cosim.scenario import (
+    Algorithm,
+    Extrapolation,
+    load_scenario,
+    load_text,
+    shipped,
+    start_values,
+    to_toml,
+    with_parameters,
+)
 
 GOOD = """
 format = 1
@@ -42,7 +51,9 @@ def problems(call):
 def test_reads_a_file(write):
     scenario = load_scenario(write(GOOD))
     assert scenario.name == "it" and scenario.title == "two parts"
-    assert scenario.experiment.algorithm is Algorithm.JACOBI and scenario.experiment.extrapolation is Extrapolation.LINEAR
+    assert (
+        scenario.experiment.algorithm is Algorithm.JACOBI and scenario.experiment.extrapolation is Extrapolation.LINEAR
+    )
     assert scenario.experiment.steps == 1000 and scenario.experiment.step_ns == 1_000_000
     assert scenario.components["a"].parameters == {"k": 1.0, "q": [1, 2, 3]}
     assert str(scenario.connections[0]) == "a.y -> b.u"
@@ -103,7 +114,9 @@ def test_not_toml(write):
 
 def test_overrides(write):
     path = write(GOOD)
-    scenario = load_scenario(path, ["a.k=2.5", "a.q[2]=7", "*.z=[1, 2]", "experiment.step=0.0005", "b.model=C", "a.word=upright"])
+    scenario = load_scenario(
+        path, ["a.k=2.5", "a.q[2]=7", "*.z=[1, 2]", "experiment.step=0.0005", "b.model=C", "a.word=upright"]
+    )
     assert scenario.components["a"].parameters == {"k": 2.5, "q": [1, 2, 3], "q[2]": 7, "z": [1, 2], "word": "upright"}
     assert scenario.components["b"].parameters == {"z": [1, 2]} and scenario.components["b"].model == "C"
     assert scenario.experiment.steps == 2000
@@ -148,7 +161,10 @@ def test_effects_come_after_the_file_and_before_overrides(write):
 
 def test_effects_for_nobody_are_refused(write):
     path = write(GOOD)
-    assert "a model in scenario" in problems(lambda: load_scenario(path, effects=write(EFFECTS.replace('"A"', '"Z"'), "e.toml")))[0]
+    assert (
+        "a model in scenario"
+        in problems(lambda: load_scenario(path, effects=write(EFFECTS.replace('"A"', '"Z"'), "e.toml")))[0]
+    )
     named = EFFECTS.replace('model = "A"', 'components = ["aa"]')
     assert "did you mean 'a'" in problems(lambda: load_scenario(path, effects=write(named, "f.toml")))[0]
     assert "nothing at" in problems(lambda: load_scenario(path, effects=Path("none.toml")))[0]
@@ -163,6 +179,12 @@ def test_every_shipped_scenario_survives_writing(path):
 
 
 def test_the_contract_names_are_shipped():
-    assert {"sallam-nodelay", "sallam-stable", "sallam-unstable", "sallam-nmm", "sallam-joint", "contact", "recorded-delay"} <= {
-        path.stem for path in shipped()
-    }
+    assert {
+        "sallam-nodelay",
+        "sallam-stable",
+        "sallam-unstable",
+        "sallam-nmm",
+        "sallam-joint",
+        "contact",
+        "recorded-delay",
+    } <= {path.stem for path in shipped()}

@@ -2,7 +2,6 @@
 
 from fractions import Fraction
 
-import numpy as np
 import pytest
 from fakes import LOOP, MODELS, FakeSlave, FakeSystem, description, integrator, oscillator, scenario, variable
 
@@ -19,15 +18,29 @@ def problems(made, models=MODELS):
 
 
 def test_every_mistake_is_listed():
-    parts = {"mass": Component(model="Mass", parameters={"x9": 1.0, "x0": [1.0, 2.0]}), "spring": Component(model="Spring", parameters={"k": -1.0})}
-    wires = ["mass.x -> spring.v", "mass.x -> spring.x", "mass.v -> spring.x", "mass.xx -> spring.x", "spring.f -> mass.x"]
+    parts = {
+        "mass": Component(model="Mass", parameters={"x9": 1.0, "x0": [1.0, 2.0]}),
+        "spring": Component(model="Spring", parameters={"k": -1.0}),
+    }
+    wires = [
+        "mass.x -> spring.v",
+        "mass.x -> spring.x",
+        "mass.v -> spring.x",
+        "mass.xx -> spring.x",
+        "spring.f -> mass.x",
+    ]
     found = problems(scenario(parts, wires))
     assert len(found) == 8
-    for words in ("mass.x9: expected a parameter", "mass.x0: expected 1 values, got 2", "spring.k: expected a value in [0, inf] N/m, got -1",
-                  "connection mass.x -> spring.v: expected the unit of the input, 'm/s', got 'm'",
-                  "connection mass.v -> spring.x: expected the unit of the input, 'm', got 'm/s'",
-                  "connection mass.xx -> spring.x: expected an output of Mass", "an input at mass.x, got a variable of causality output",
-                  "input spring.x: expected one source"):  # fmt: skip
+    for words in (
+        "mass.x9: expected a parameter",
+        "mass.x0: expected 1 values, got 2",
+        "spring.k: expected a value in [0, inf] N/m, got -1",
+        "connection mass.x -> spring.v: expected the unit of the input, 'm/s', got 'm'",
+        "connection mass.v -> spring.x: expected the unit of the input, 'm', got 'm/s'",
+        "connection mass.xx -> spring.x: expected an output of Mass",
+        "an input at mass.x, got a variable of causality output",
+        "input spring.x: expected one source",
+    ):
         assert any(words in p for p in found), words
 
 
@@ -56,7 +69,11 @@ def through(dependencies):
 def test_algebraic_loops_are_refused_where_fmus_state_them():
     made = scenario({"a": "Gain", "b": "Gain"}, ["a.y -> b.u", "b.y -> a.u"])
     (found,) = problems(made, through(("u",)))
-    assert "no algebraic loop" in found and "a.u -> a.y -> b.u -> b.y -> a.u" in "a.u -> " + found.partition("got ")[2] or "a.y" in found
+    assert (
+        "no algebraic loop" in found
+        and "a.u -> a.y -> b.u -> b.y -> a.u" in "a.u -> " + found.partition("got ")[2]
+        or "a.y" in found
+    )
 
 
 def test_unstated_dependencies_give_a_note():
@@ -67,12 +84,17 @@ def test_unstated_dependencies_give_a_note():
 
 def test_vectors_are_spread_and_sizes_compared():
     a = description("A", *(variable(f"x[{i}]", "output", feedthrough=()) for i in (1, 2, 3)))
-    b = description("B", *(variable(f"u[{i}]", "input") for i in (1, 2, 3)), variable("w[1]", "input"), variable("w[2]", "input"))
+    b = description(
+        "B", *(variable(f"u[{i}]", "input") for i in (1, 2, 3)), variable("w[1]", "input"), variable("w[2]", "input")
+    )
     models = {"A": (a, lambda n, d: FakeSlave(n, d)), "B": (b, lambda n, d: FakeSlave(n, d))}
     made = scenario({"a": "A", "b": "B"}, ["a.x -> b.u", "a.x[3] -> b.w[1]"])
     assert [f"{l.source} {l.target}" for l in FakeSystem(made, models).wiring(made).links] == [
-        "a.x[1] b.u[1]", "a.x[2] b.u[2]", "a.x[3] b.u[3]", "a.x[3] b.w[1]",
-    ]  # fmt: skip
+        "a.x[1] b.u[1]",
+        "a.x[2] b.u[2]",
+        "a.x[3] b.u[3]",
+        "a.x[3] b.w[1]",
+    ]
     assert "as many inputs as outputs (3), got 2" in problems(scenario({"a": "A", "b": "B"}, ["a.x -> b.w"]), models)[0]
 
 
@@ -83,27 +105,38 @@ def test_sources_then_states_then_feedthrough():
     assert FakeSystem(fixed, MODELS).wiring(fixed).order == ("spring", "mass")
 
 
-# --- ages: measured with a ramp. Through the chain source (t) -> relay (sampled) -> integral (continuous), the integral is
+# --- ages: measured with a ramp. Through the chain source (t) -> relay (sampled) -> integral (continuous), the
+# integral is
 # --- t^2/2 - age t to the last bit that the ramp allows, once a whole period of the schedule has passed.
 
 SOURCE = description("Source", variable("y", "output", feedthrough=()))
 RELAY = description("Relay", variable("u", "input"), variable("y", "output", feedthrough=("u",)))
-INTEGRAL = description("Integral", variable("u", "input"), variable("s", "output", "m.s", feedthrough=()), integrates=True)
+INTEGRAL = description(
+    "Integral", variable("u", "input"), variable("s", "output", "m.s", feedthrough=()), integrates=True
+)
 CHAIN = {
     "Source": (SOURCE, lambda n, d: FakeSlave(n, d, outputs=lambda v, t: v.update(y=t))),
     "Relay": (RELAY, lambda n, d: FakeSlave(n, d, outputs=lambda v, t: v.update(y=v["u"]))),
-    "Integral": (INTEGRAL, lambda n, d: FakeSlave(n, d, begin=lambda v: v.update(s=0.0), advance=integrator(lambda v, t: [v["u"]], ["s"]))),
+    "Integral": (
+        INTEGRAL,
+        lambda n, d: FakeSlave(n, d, begin=lambda v: v.update(s=0.0), advance=integrator(lambda v, t: [v["u"]], ["s"])),
+    ),
 }
 
 
 def chain(multiples, **more):
-    parts = {name: Component(model=name.capitalize(), step_multiple=k) for name, k in zip(("source", "relay", "integral"), multiples)}
+    parts = {
+        name: Component(model=name.capitalize(), step_multiple=k)
+        for name, k in zip(("source", "relay", "integral"), multiples)
+    }
     more.setdefault("teleoperation", Teleoperation("source", "integral"))
     return scenario(parts, ["source.y -> relay.u", "relay.y -> integral.u"], step=0.01, **more)
 
 
 @pytest.mark.parametrize("multiples", [(1, 1, 1), (1, 3, 1), (3, 1, 1), (1, 1, 3), (2, 3, 1), (4, 1, 2), (2, 4, 3)])
-@pytest.mark.parametrize("order", [(), ("integral", "relay", "source"), ("relay", "integral", "source"), ("integral", "source", "relay")])
+@pytest.mark.parametrize(
+    "order", [(), ("integral", "relay", "source"), ("relay", "integral", "source"), ("integral", "source", "relay")]
+)
 @pytest.mark.parametrize("algorithm", list(Algorithm))
 def test_the_age_of_held_signals_is_what_the_wiring_says(algorithm, order, multiples):
     made = chain(multiples, stop=1.2 * 4, algorithm=algorithm, extrapolation=Extrapolation.HOLD, order=order)
@@ -147,8 +180,13 @@ def test_the_hop_table():
 
 
 def test_an_fmu_that_takes_no_slopes_is_held():
-    deaf = {"Mass": (description("Mass", *MODELS["Mass"][0].variables.values(), takes_slopes=False, integrates=True), MODELS["Mass"][1]),
-            "Spring": MODELS["Spring"]}  # fmt: skip
+    deaf = {
+        "Mass": (
+            description("Mass", *MODELS["Mass"][0].variables.values(), takes_slopes=False, integrates=True),
+            MODELS["Mass"][1],
+        ),
+        "Spring": MODELS["Spring"],
+    }
     made = oscillator(extrapolation=Extrapolation.LINEAR)
     hops = {str(h.connection): h for h in FakeSystem(made, deaf).wiring(made).hops}
     assert not hops["spring.f -> mass.f"].linear and hops["spring.f -> mass.f"].age == pytest.approx(0.5e-3)

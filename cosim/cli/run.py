@@ -1,16 +1,16 @@
 """`cosim run`."""
 
 import sys
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
 DEMONSTRATION = "sallam-stable"
 
 
-class Export(str, Enum):
+class Export(StrEnum):
     """Further files of a result."""
 
     CSV = "csv"
@@ -19,10 +19,12 @@ class Export(str, Enum):
 
 def command(
     scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
-    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")] = None,
-    out: Annotated[Optional[Path], typer.Option(help="folder for the results (default: results/SCENARIO)")] = None,
-    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
-    export: Annotated[Optional[list[Export]], typer.Option(help="also write result.csv or result.mat")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for the results (default: results/SCENARIO)")] = None,
+    effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
+    export: Annotated[list[Export] | None, typer.Option(help="also write result.csv or result.mat")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """One co-simulation: summary.json, result.h5, report.html."""
@@ -43,7 +45,9 @@ def command(
 
 
 def prepare(name: str, overrides: list[str], effects: Path | None):
-    """The checked wiring of a scenario, FMUs built where they are missing; problems of the file and of the wiring together."""
+    """The checked wiring of a scenario, FMUs built where they are missing; problems of the file and of the wiring
+    together.
+    """
     from cosim.errors import InputError
     from cosim.fmu import descriptions
     from cosim.scenario import draft
@@ -77,8 +81,14 @@ class meter:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-        self.bar = Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[factor]}"), TimeRemainingColumn(),
-                            console=Console(stderr=True), transient=True)  # fmt: skip
+        self.bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[factor]}"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
         self.bar.start()
         return self.tell
 
@@ -124,11 +134,16 @@ def _spoken(judged, folder: Path) -> str:
         lines.append(f"  {result.message}")
     if judged.growth_rate is not None:
         low, high = judged.interval or (float("nan"), float("nan"))
-        lines.append(f"  growth of small disturbances  {judged.growth_rate:+.4g} 1/s  (95 %: {low:+.4g} to {high:+.4g})")
+        lines.append(
+            f"  growth of small disturbances  {judged.growth_rate:+.4g} 1/s  (95 %: {low:+.4g} to {high:+.4g})"
+        )
     if judged.tracking is not None:
         lines.append(f"  tracking, RMS of |x_l - x_r|  {judged.tracking.total * 1e3:.4g} mm")
     simulated = result.time[-1] if result.stopped_at is None else result.stopped_at
-    lines.append(f"  simulated                     {simulated:g} s in {result.wall_time:.2f} s, steps of {experiment.step * 1e3:g} ms, "
-                 f"{experiment.algorithm.value}, {experiment.extrapolation.value}")  # fmt: skip
+    lines.append(
+        f"  simulated                     {simulated:g} s in {result.wall_time:.2f} s, "
+        f"steps of {experiment.step * 1e3:g} ms, "
+        f"{experiment.algorithm.value}, {experiment.extrapolation.value}"
+    )
     lines.append(f"  written to                    {folder}")
     return "\n".join(lines)

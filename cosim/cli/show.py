@@ -1,15 +1,17 @@
 """`cosim show`."""
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
 
 def command(
     scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")],
-    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")] = None,
-    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
+    ] = None,
+    effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
 ) -> None:
     """Wiring, units, delay added by each connection, step sizes; runs nothing."""
     from cosim.cli.run import prepare
@@ -25,7 +27,9 @@ def _lines(wiring) -> list[str]:
     lines += [f"steps       {experiment.steps} of {experiment.step * 1e3:g} ms, {experiment.stop:g} s, every "
               f"{_nth(experiment.record_every)} recorded"]  # fmt: skip
     lines += [f"order       {' → '.join(wiring.order)}", "", "components"]
-    lines += _columns([(n, wiring.descriptions[n].model, _step(scenario, n), _starts(wiring, n)) for n in scenario.components])
+    lines += _columns(
+        [(n, wiring.descriptions[n].model, _step(scenario, n), _starts(wiring, n)) for n in scenario.components]
+    )
     lines += ["", "connections                       (age: mean delay that the stepping adds; negative: ahead)"]
     lines += _columns([(str(h.connection), f"[{h.unit}]" + (f" x {h.size}" if h.size > 1 else ""), _ms(h.age),
                         "line" if h.linear else "hold") for h in wiring.hops])  # fmt: skip

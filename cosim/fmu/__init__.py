@@ -11,5 +11,15 @@ from cosim.fmu.places import extracted, fmu_file, read_columns
 from cosim.fmu.system import FmuSet, load, open_system
 
 __all__ = [
-    "Fmi2Slave", "Fmi3Slave", "FmuSet", "FmuSlave", "describe", "descriptions", "extracted", "fmu_file", "load", "open_system", "read_columns",
-]  # fmt: skip
+    "Fmi2Slave",
+    "Fmi3Slave",
+    "FmuSet",
+    "FmuSlave",
+    "describe",
+    "descriptions",
+    "extracted",
+    "fmu_file",
+    "load",
+    "open_system",
+    "read_columns",
+]

@@ -18,7 +18,9 @@ def describe(path: Path) -> Description:
 
 
 def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[str, Description]:
-    """The description of every component, FMUs built where they are missing. Raises InputError with every problem found."""
+    """The description of every component, FMUs built where they are missing. Raises InputError with every problem
+    found.
+    """
     found, problems = {}, []
     for name, component in scenario.components.items():
         try:
@@ -39,15 +41,28 @@ def _describe(path: str, modified: int, size: int) -> Description:
     except Exception as error:  # fmpy raises bare exceptions for whatever it meets in a file
         raise InputError(Problem(path, "an FMU", str(error) or type(error).__name__)) from None
     if model.coSimulation is None or not model.fmiVersion.startswith(("2", "3")):
-        raise InputError(Problem(path, "a co-simulation FMU of FMI 2.0 or 3.0", f"FMI {model.fmiVersion}, no co-simulation"))
+        raise InputError(
+            Problem(path, "a co-simulation FMU of FMI 2.0 or 3.0", f"FMI {model.fmiVersion}, no co-simulation")
+        )
     interface = model.coSimulation
     units = {u.name: _unit(u) for u in model.unitDefinitions}
     return Description(
-        model.modelName, _variables(model, units), model.numberOfContinuousStates > 0 or _has_states(model),
-        _takes_slopes(model), model.fmiVersion, path, digest(path, modified, size), interface.modelIdentifier, model.guid,
-        model.description or "", interface.canBeInstantiatedOnlyOncePerProcess, interface.canGetAndSetFMUstate,
-        float(model.defaultExperiment.stepSize) if model.defaultExperiment and model.defaultExperiment.stepSize else None,
-    )  # fmt: skip
+        model.modelName,
+        _variables(model, units),
+        model.numberOfContinuousStates > 0 or _has_states(model),
+        _takes_slopes(model),
+        model.fmiVersion,
+        path,
+        digest(path, modified, size),
+        interface.modelIdentifier,
+        model.guid,
+        model.description or "",
+        interface.canBeInstantiatedOnlyOncePerProcess,
+        interface.canGetAndSetFMUstate,
+        float(model.defaultExperiment.stepSize)
+        if model.defaultExperiment and model.defaultExperiment.stepSize
+        else None,
+    )
 
 
 def _has_states(model) -> bool:
@@ -65,12 +80,18 @@ def _unit(unit) -> Unit:
     base = unit.baseUnit
     if base is None:
         return Unit(unit.name)
-    return Unit(unit.name, tuple(getattr(base, name) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")), base.factor)
+    return Unit(
+        unit.name, tuple(getattr(base, name) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")), base.factor
+    )
 
 
 def _variables(model, units: Mapping[str, Unit]) -> dict[str, Variable]:
     through = {u.variable.name: u.dependencies for u in model.outputs}
-    slopes = {v.name[4:-1]: v.valueReference for v in model.modelVariables if v.causality == "input" and v.name.startswith("der(")}
+    slopes = {
+        v.name[4:-1]: v.valueReference
+        for v in model.modelVariables
+        if v.causality == "input" and v.name.startswith("der(")
+    }
     return {v.name: _variable(v, units, through.get(v.name), slopes) for v in model.modelVariables}
 
 
@@ -80,10 +101,21 @@ def _variable(v, units: Mapping[str, Unit], through, slopes: Mapping[str, int]) 
     low, high = (getattr(v, key) or (getattr(declared, key) if declared else None) for key in ("min", "max"))
     items = tuple(item.name for item in declared.items) if declared is not None and v.type == "Enumeration" else ()
     return Variable(
-        v.name, v.causality, v.type, units.get(name, Unit(name)), _start(v), _bound(low), _bound(high), v.valueReference,
-        None if through is None else tuple(d.name for d in through if d.causality == "input"), items, v.description or "",
-        slopes.get(v.name), v.derivative.name if v.derivative is not None else None, v.variability == "tunable",
-    )  # fmt: skip
+        v.name,
+        v.causality,
+        v.type,
+        units.get(name, Unit(name)),
+        _start(v),
+        _bound(low),
+        _bound(high),
+        v.valueReference,
+        None if through is None else tuple(d.name for d in through if d.causality == "input"),
+        items,
+        v.description or "",
+        slopes.get(v.name),
+        v.derivative.name if v.derivative is not None else None,
+        v.variability == "tunable",
+    )
 
 
 def _start(v) -> float | str | None:

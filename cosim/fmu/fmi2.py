@@ -26,9 +26,11 @@ class Fmi2Slave(FmuSlave):
         self.callbacks = _callbacks(self)
         with LOADING:
             fmu = fmi2.FMU2Slave(
-                guid=self.description.token, modelIdentifier=self.description.identifier, instanceName=self.name,
+                guid=self.description.token,
+                modelIdentifier=self.description.identifier,
+                instanceName=self.name,
                 unzipDirectory=str(extracted(Path(self.description.path))),
-            )  # fmt: skip
+            )
             fmu.instantiate(callbacks=self.callbacks)
         return fmu
 
@@ -85,14 +87,16 @@ class Fmi2Slave(FmuSlave):
         raise self._error(f"step discarded, {reached}")
 
 
-_SPEAKERS: WeakValueDictionary[int, FmuSlave] = WeakValueDictionary()  # by the environment that an FMU hands to its logger
+_SPEAKERS: WeakValueDictionary[int, FmuSlave] = (
+    WeakValueDictionary()
+)  # by the environment that an FMU hands to its logger
 
 
 def _callbacks(slave: FmuSlave):
     """Callbacks for FMI 2.0 whose logger finds the slave by the component environment.
 
-    All instances share one logger, which lives as long as the process: fmpy's compiled helper, which fills in the printf
-    marks of a message, remembers only the logger that it was given last.
+    All instances share one logger, which lives as long as the process: fmpy's compiled helper, which fills in the
+    printf marks of a message, remembers only the logger that it was given last.
     """
     from fmpy import calloc, fmi2, free
 

@@ -59,7 +59,9 @@ class Fmi3Slave(FmuSlave):
 
     def _wire_slopes(self) -> None:
         if self.sloped:
-            self.setters.append(self._bank_of("Set", "Float64", self.slope_references(), self.slopes, "set input derivatives"))
+            self.setters.append(
+                self._bank_of("Set", "Float64", self.slope_references(), self.slopes, "set input derivatives")
+            )
 
     def slope_references(self):
         return (ctypes.c_uint * len(self.sloped))(*[self.description.variables[n].slope for n in self.sloped])

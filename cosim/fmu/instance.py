@@ -64,7 +64,11 @@ class FmuSlave(Slave):
         return (ctypes.c_uint * len(names))(*[self.description.variables[n].reference for n in names])
 
     def wire(self, inputs: Sequence[str], sloped: Sequence[str], outputs: Sequence[str]) -> None:
-        if (tuple(inputs), tuple(outputs), tuple(sloped)) == (self.input_names, self.output_names, getattr(self, "sloped", None)):
+        if (tuple(inputs), tuple(outputs), tuple(sloped)) == (
+            self.input_names,
+            self.output_names,
+            getattr(self, "sloped", None),
+        ):
             return
         super().wire(inputs, sloped, outputs)
         self.sloped = tuple(sloped)
@@ -113,7 +117,10 @@ class FmuSlave(Slave):
 
         try:
             setter = getattr(self.fmu, "set" + kind)
-            numbers = [v if isinstance(v, str) else float(v) if kind in ("Real", "Float64", "Float32") else int(v) for v in values]
+            numbers = [
+                v if isinstance(v, str) else float(v) if kind in ("Real", "Float64", "Float32") else int(v)
+                for v in values
+            ]
             setter([self.description.variables[n].reference for n in names], numbers)
         except FMICallException:
             raise self._error(f"refuses start values of {', '.join(names)}") from None
@@ -130,7 +137,8 @@ class FmuSlave(Slave):
             bank.get(self)
 
     def jacobian(self, unknowns: Sequence[str], knowns: Sequence[str]) -> np.ndarray:
-        """Partial derivatives (unknowns, knowns) of outputs and state derivatives at the present state, by the FMU itself.
+        """Partial derivatives (unknowns, knowns) of outputs and state derivatives at the present state, by the FMU
+        itself.
 
         Raises RunError where the FMU gives no directional derivatives.
         """
@@ -140,7 +148,11 @@ class FmuSlave(Slave):
         for k, known in enumerate(knowns):
             sizes = (1,) if self.prefix == "fmi2" else (1, pointer_to(seed, double), 1)
             arguments = [self.component, rows, len(unknowns), self.references([known]), *sizes]
-            arguments += [pointer_to(seed, double), pointer_to(column, double)] if self.prefix == "fmi2" else [pointer_to(column, double), len(unknowns)]
+            arguments += (
+                [pointer_to(seed, double), pointer_to(column, double)]
+                if self.prefix == "fmi2"
+                else [pointer_to(column, double), len(unknowns)]
+            )
             self.check(call(*arguments), f"directional derivative by {known}")
             found[:, k] = column
         return found

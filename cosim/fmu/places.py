@@ -53,7 +53,9 @@ def _built(model: str, fmi: int, progress: Progress | None) -> Path:
 
 
 def _recording(component: Component, scenario: Scenario, progress: Progress | None) -> Path:
-    """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s] as outputs y[1], y[2], ..."""
+    """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s] as outputs y[1], y[2],
+    ...
+    """
     from build_fmus import recording_fmu
 
     path = scenario.folder / component.recording
@@ -61,7 +63,9 @@ def _recording(component: Component, scenario: Scenario, progress: Progress | No
     table = read_columns(path, wanted)
     columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")
-    return recording_fmu(table[:, 0], columns, units, component.interpolation.value, scenario.experiment.fmi, progress=progress)
+    return recording_fmu(
+        table[:, 0], columns, units, component.interpolation.value, scenario.experiment.fmi, progress=progress
+    )
 
 
 def read_columns(path: Path, names: Sequence[str]) -> np.ndarray:
@@ -82,6 +86,7 @@ def read_columns(path: Path, names: Sequence[str]) -> np.ndarray:
 def extracted(path: Path) -> Path:
     """Folder with the contents of an FMU, extracted once per content (absolute, kept in the cache)."""
     import fmpy
+
     from build_fmus.cache import cache_folder
 
     folder = cache_folder() / "extracted" / digest(str(path), *stamp(path))[:24]

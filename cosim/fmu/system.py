@@ -40,7 +40,7 @@ class FmuSet:
         return self.last.wiring
 
     def slaves(self, wiring: Wiring) -> list[FmuSlave]:
-        """An instance for each component, in the order of the scenario; loaded where it was not yet. Raises RunError."""
+        """An instance for each component, in the order of the scenario; loaded where it was not. Raises RunError."""
         return [self._slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
 
     def _slave(self, name: str, description: Description) -> FmuSlave:

@@ -13,21 +13,47 @@ from matplotlib.figure import Figure as MplFigure
 
 # Okabe and Ito, "Color Universal Design" (2008): distinguishable with every kind of colour blindness.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, YELLOW, BLACK = (
-    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#F0E442", "#222222",
-)  # fmt: skip
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#CC79A7",
+    "#56B4E9",
+    "#F0E442",
+    "#222222",
+)
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
 GREY = "#8a8f98"
 
 _STYLE = {
-    "font.family": ["DejaVu Sans", "sans-serif"], "font.size": 9.0,
-    "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.labelsize": 9.0,
-    "axes.edgecolor": "#b8bcc4", "axes.linewidth": 0.8, "axes.labelcolor": "#333840", "text.color": "#22262c",
-    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
-    "axes.prop_cycle": matplotlib.cycler(color=COLOURS), "axes.formatter.useoffset": False,
-    "grid.color": "#e6e8ec", "grid.linewidth": 0.7, "xtick.color": "#5a606a", "ytick.color": "#5a606a",
-    "xtick.labelsize": 8.5, "ytick.labelsize": 8.5, "lines.linewidth": 1.3, "legend.frameon": False,
-    "legend.fontsize": 8.5, "figure.facecolor": "none", "axes.facecolor": "none",
-}  # fmt: skip
+    "font.family": ["DejaVu Sans", "sans-serif"],
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.edgecolor": "#b8bcc4",
+    "axes.linewidth": 0.8,
+    "axes.labelcolor": "#333840",
+    "text.color": "#22262c",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e6e8ec",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#5a606a",
+    "ytick.color": "#5a606a",
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+}
 _SVG = {"svg.fonttype": "none", "svg.hashsalt": "cosim", "path.simplify": True, "path.simplify_threshold": 0.5}
 
 
@@ -39,7 +65,7 @@ def figure(rows: int = 1, cols: int = 1, width: float = 8.0, height: float = 4.5
 
 
 def to_svg(fig: MplFigure) -> str:
-    """The figure as an `<svg>` element for an HTML page: no outside references, ids unique per content; clears `fig`."""
+    """The figure as an `<svg>` element for a page: no outside references, ids unique per content; clears `fig`."""
     _tidy(fig)
     stream = io.StringIO()
     with matplotlib.rc_context(_STYLE | _SVG):
@@ -49,7 +75,7 @@ def to_svg(fig: MplFigure) -> str:
 
 
 def _tidy(fig: MplFigure) -> None:
-    """Titles to the left, legends without frames: matplotlib reads these settings when they are made, not when drawn."""
+    """Titles left, legends without frames: matplotlib reads these settings when they are made, not when drawn."""
     for axes in fig.axes:
         title = axes.get_title("center")
         if title:

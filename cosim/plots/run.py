@@ -21,14 +21,28 @@ _BAD = {Outcome.GROWING, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, Outcome.FAILED}
 def run_report(judged: Judged) -> Report:
     """The report of a run."""
     result = judged.result
-    sections = [_found(judged), *application_sections(result), _tracking(result), _forces(result), _delays(result), _others(result),
-                _wiring(judged), _components(judged)]  # fmt: skip
+    sections = [
+        _found(judged),
+        *application_sections(result),
+        _tracking(result),
+        _forces(result),
+        _delays(result),
+        _others(result),
+        _wiring(judged),
+        _components(judged),
+    ]
     mood = "good" if judged.outcome in _GOOD else "bad" if judged.outcome in _BAD else "neutral"
-    return Report(result.scenario.title or result.scenario.name, _verdict(judged), [s for s in sections if s is not None],
-                  provenance(result), mood)  # fmt: skip
+    return Report(
+        result.scenario.title or result.scenario.name,
+        _verdict(judged),
+        [s for s in sections if s is not None],
+        provenance(result),
+        mood,
+    )
 
 
-# --- words and tables ------------------------------------------------------------------------------------------------------
+# --- words and tables
+# ------------------------------------------------------------------------------------------------------
 
 
 def _verdict(judged: Judged) -> str:
@@ -54,7 +68,10 @@ def _found(judged: Judged) -> Section:
         ("growth rate of small disturbances [1/s]", judged.growth_rate),
         ("its 95 % interval [1/s]", judged.interval),
         *_tracking_rows(judged),
-        ("simulated time [s]", f"{simulated:g}" + (f" of {experiment.stop:g}" if result.stopped_at is not None else "")),
+        (
+            "simulated time [s]",
+            f"{simulated:g}" + (f" of {experiment.stop:g}" if result.stopped_at is not None else ""),
+        ),
         ("computed in [s]", f"{result.wall_time:.2f} ({simulated / max(result.wall_time, 1e-9):.0f} times real time)"),
         ("communication step", f"{experiment.step * 1e3:g} ms"),
         ("algorithm", f"{experiment.algorithm.value}, {experiment.extrapolation.value} inputs"),
@@ -62,7 +79,11 @@ def _found(judged: Judged) -> Section:
         ("effects added", ", ".join(result.scenario.effects) or None),
     ]
     text = result.scenario.description
-    return Section("What was found", text, tables=[Table(("", ""), [(name, cell(value)) for name, value in rows if value is not None])])
+    return Section(
+        "What was found",
+        text,
+        tables=[Table(("", ""), [(name, cell(value)) for name, value in rows if value is not None])],
+    )
 
 
 def _tracking_rows(judged: Judged) -> list[tuple[str, object]]:
@@ -74,12 +95,34 @@ def _tracking_rows(judged: Judged) -> list[tuple[str, object]]:
 
 def _wiring(judged: Judged) -> Section:
     wiring = judged.wiring
-    hops = [(str(h.connection.source), str(h.connection.target), h.size, h.unit, "line" if h.linear else "hold", milliseconds(h.age) if h.age else "0")
-            for h in wiring.hops]  # fmt: skip
+    hops = [
+        (
+            str(h.connection.source),
+            str(h.connection.target),
+            h.size,
+            h.unit,
+            "line" if h.linear else "hold",
+            milliseconds(h.age) if h.age else "0",
+        )
+        for h in wiring.hops
+    ]
     ways = [(what, way, milliseconds(age) if age else "0") for what, way, age in direction_table(wiring)]
-    tables = [Table(("from", "to", "elements", "unit", "input", "age"), hops, "Connections. The age is the mean time by which the stepping makes a signal older (negative: newer).")]
+    tables = [
+        Table(
+            ("from", "to", "elements", "unit", "input", "age"),
+            hops,
+            "Connections. The age is the mean time by which the stepping makes a signal older (negative: newer).",
+        )
+    ]
     if ways:
-        tables.insert(0, Table(("direction", "way", "added delay"), ways, "Delay that the co-simulation itself adds, without the channels' own."))
+        tables.insert(
+            0,
+            Table(
+                ("direction", "way", "added delay"),
+                ways,
+                "Delay that the co-simulation itself adds, without the channels' own.",
+            ),
+        )
     text = f"Order of stepping: {' → '.join(wiring.order)}."
     if wiring.notes:
         text += "\n\n" + "; ".join(wiring.notes) + "."
@@ -93,14 +136,39 @@ def _components(judged: Judged) -> Section:
         description = judged.wiring.descriptions[name]
         for key, values in vector_starts(starts).items():
             variable = description.variables[description.elements(key)[0]]
-            shown = variable.items[int(values[0]) - 1] if variable.items else values[0] if len(values) == 1 else [f"{v:.6g}" for v in values]
-            rows.append((name, description.model, key, shown if isinstance(shown, (list, str)) else f"{shown:.6g}", variable.unit.name))
+            shown = (
+                variable.items[int(values[0]) - 1]
+                if variable.items
+                else values[0]
+                if len(values) == 1
+                else [f"{v:.6g}" for v in values]
+            )
+            rows.append(
+                (
+                    name,
+                    description.model,
+                    key,
+                    shown if isinstance(shown, (list, str)) else f"{shown:.6g}",
+                    variable.unit.name,
+                )
+            )
     fmus = [(f.component, f.model, f.fmi, f.sha256[:16]) for f in judged.result.fmus]
-    return Section("Components", "", [Table(("component", "model", "parameter", "value", "unit"), rows, "Parameters that the scenario sets; the others have the start values of their FMU."),
-                                      Table(("component", "model", "FMI", "SHA-256 begins"), fmus, "FMUs")])  # fmt: skip
+    return Section(
+        "Components",
+        "",
+        [
+            Table(
+                ("component", "model", "parameter", "value", "unit"),
+                rows,
+                "Parameters that the scenario sets; the others have the start values of their FMU.",
+            ),
+            Table(("component", "model", "FMI", "SHA-256 begins"), fmus, "FMUs"),
+        ],
+    )
 
 
-# --- figures ------------------------------------------------------------------------------------------------------------
+# --- figures
+# ------------------------------------------------------------------------------------------------------------
 
 
 def _thin(result: Result) -> np.ndarray:
@@ -112,8 +180,10 @@ def _thin(result: Result) -> np.ndarray:
 def _tracking(result: Result) -> Section | None:
     if result.scenario.arms is None or not all(f"{arm}.x[1]" in result.signals for arm in result.scenario.arms):
         return None
-    figures = [Figure(_tips(result), "Tip positions of the local and the remote arm, and the distance between them."),
-               Figure(_path(result), "Path of the tips; the dot is the start.")]  # fmt: skip
+    figures = [
+        Figure(_tips(result), "Tip positions of the local and the remote arm, and the distance between them."),
+        Figure(_path(result), "Path of the tips; the dot is the start."),
+    ]
     return Section("Tracking", "", figures=figures)
 
 
@@ -150,8 +220,11 @@ def _path(result: Result) -> str:
 def _vectors(result: Result, unit: str, skip: tuple[str, ...] = ()) -> list[str]:
     """Stems of signals with a unit that are not zero throughout."""
     groups = grouped(name for name in result.signals if result.units[name] == unit)
-    return [name for name, elements in groups.items() if name.partition(".")[2] not in skip
-            and any(np.any(result.signals[e] != 0.0) for e in elements)]  # fmt: skip
+    return [
+        name
+        for name, elements in groups.items()
+        if name.partition(".")[2] not in skip and any(np.any(result.signals[e] != 0.0) for e in elements)
+    ]
 
 
 def _forces(result: Result) -> Section | None:
@@ -174,7 +247,14 @@ def _delays(result: Result) -> Section | None:
         for name, colour, label in (("age", GREEN, "age of what is received"), ("delay_now", GREY, "delay of the law")):
             if f"{channel}.{name}" in result.signals:
                 values = result.signals[f"{channel}.{name}"][rows]
-                plot.plot(result.time[rows], values, color=colour, label=label, linewidth=1.0, zorder=2 if name == "age" else 3)
+                plot.plot(
+                    result.time[rows],
+                    values,
+                    color=colour,
+                    label=label,
+                    linewidth=1.0,
+                    zorder=2 if name == "age" else 3,
+                )
         plot.set_ylabel(f"{channel} [s]")
     _legend(axes[0, 0], 2)
     _share_time(axes[:, 0])

@@ -15,8 +15,13 @@ from cosim.wiring import Hop, Wiring
 
 _WIDTH, _HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 148, 66, 124, 34, 14
 _LINE, _INK, _SOFT, _FILL = "#5b6470", "#1d2126", "#5a626d", "#f6f7f9"
-_ACCENT = {"PhantomArm": "#0072B2", "VariableDelayChannel": "#E69F00", "PLikeController": "#009E73", "Operator": "#CC79A7",
-           "Environment": "#D55E00"}  # fmt: skip
+_ACCENT = {
+    "PhantomArm": "#0072B2",
+    "VariableDelayChannel": "#E69F00",
+    "PLikeController": "#009E73",
+    "Operator": "#CC79A7",
+    "Environment": "#D55E00",
+}
 
 
 @frozen
@@ -68,8 +73,10 @@ def block_diagram(wiring: Wiring) -> str:
     width = max(box.right for box in boxes.values()) + _MARGIN
     height = max(box.bottom for box in boxes.values()) + _MARGIN + 18
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" style="width:{width:g}px;max-width:100%;'
-        f'height:auto" role="img" aria-label="block diagram" font-family="DejaVu Sans, sans-serif">{_MARKER}{"".join(parts)}</svg>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" '
+        f'style="width:{width:g}px;max-width:100%;'
+        f'height:auto" role="img" aria-label="block diagram" '
+        f'font-family="DejaVu Sans, sans-serif">{_MARKER}{"".join(parts)}</svg>'
     )
 
 
@@ -79,7 +86,8 @@ _MARKER = (
 )
 
 
-# --- layout ------------------------------------------------------------------------------------------------------------
+# --- layout
+# ------------------------------------------------------------------------------------------------------------
 
 
 def place(wiring: Wiring) -> list[Box]:
@@ -165,7 +173,8 @@ def _layers(wiring: Wiring) -> list[Box]:
     return boxes
 
 
-# --- drawing -----------------------------------------------------------------------------------------------------------
+# --- drawing
+# -----------------------------------------------------------------------------------------------------------
 
 
 def _wires(hops: Iterable[Hop]) -> list[Wire]:
@@ -173,7 +182,9 @@ def _wires(hops: Iterable[Hop]) -> list[Wire]:
     found: dict[tuple[str, str], list[Hop]] = {}
     for hop in hops:
         found.setdefault((hop.connection.source.component, hop.connection.target.component), []).append(hop)
-    return [Wire(a, b, [_label(hop) for hop in group], max(hop.age for hop in group)) for (a, b), group in found.items()]
+    return [
+        Wire(a, b, [_label(hop) for hop in group], max(hop.age for hop in group)) for (a, b), group in found.items()
+    ]
 
 
 def _label(hop: Hop) -> str:
@@ -205,7 +216,11 @@ def _sideways(wire: Wire, a: Box, b: Box, lane: float) -> str:
     y0, y1 = (a.middle[1], b.middle[1]) if y is None else (y, y)
     y0, y1 = y0 + lane, y1 + lane
     bend = (x1 - x0) / 2
-    path = f"M{x0:g},{y0:g} L{x1:g},{y1:g}" if y0 == y1 else f"M{x0:g},{y0:g} C{x0 + bend:g},{y0:g} {x1 - bend:g},{y1:g} {x1:g},{y1:g}"
+    path = (
+        f"M{x0:g},{y0:g} L{x1:g},{y1:g}"
+        if y0 == y1
+        else f"M{x0:g},{y0:g} C{x0 + bend:g},{y0:g} {x1 - bend:g},{y1:g} {x1:g},{y1:g}"
+    )
     return _line(path) + _text(wire, (x0 + x1) / 2, (y0 + y1) / 2 - 5, "middle")
 
 
@@ -257,14 +272,19 @@ def _draw_box(box: Box, wiring: Wiring) -> str:
     x, y, height = box.left, box.top, box.bottom - box.top
     lines = _facts(wiring, box.name)
     middle = y + height / 2 - 8 * (len(lines) + 1)
-    text = [f'<text x="{x + 14:g}" y="{middle + 12:g}" font-size="13" font-weight="600" fill="{_INK}">{escape(box.name)}</text>']
+    text = [
+        f'<text x="{x + 14:g}" y="{middle + 12:g}" font-size="13" font-weight="600" fill="{_INK}">'
+        f"{escape(box.name)}</text>"
+    ]
     text += [
         f'<text x="{x + 14:g}" y="{middle + 12 + 16 * (i + 1):g}" font-size="10.5" fill="{_SOFT}">{escape(line)}</text>'
         for i, line in enumerate(lines)
     ]
     return (
-        f'<g><title>{escape(box.name)}: {escape(component.kind)}</title><rect x="{x:g}" y="{y:g}" width="{_WIDTH}" height="{height:g}" rx="6" '
-        f'fill="{_FILL}" stroke="#c7ccd4"/><rect x="{x:g}" y="{y:g}" width="5" height="{height:g}" rx="2.5" fill="{colour}"/>{"".join(text)}</g>'
+        f"<g><title>{escape(box.name)}: {escape(component.kind)}</title>"
+        f'<rect x="{x:g}" y="{y:g}" width="{_WIDTH}" height="{height:g}" rx="6" '
+        f'fill="{_FILL}" stroke="#c7ccd4"/>'
+        f'<rect x="{x:g}" y="{y:g}" width="5" height="{height:g}" rx="2.5" fill="{colour}"/>{"".join(text)}</g>'
     )
 
 

@@ -20,6 +20,21 @@ from cosim.scenario.scenario import (
 from cosim.scenario.writing import to_toml
 
 __all__ = [
-    "FORMAT", "NANOSECONDS", "Algorithm", "Component", "Connection", "Experiment", "Extrapolation", "Scenario", "Teleoperation",
-    "draft", "load_scenario", "load_text", "parse_override", "shipped", "start_values", "to_toml", "with_parameters",
-]  # fmt: skip
+    "FORMAT",
+    "NANOSECONDS",
+    "Algorithm",
+    "Component",
+    "Connection",
+    "Experiment",
+    "Extrapolation",
+    "Scenario",
+    "Teleoperation",
+    "draft",
+    "load_scenario",
+    "load_text",
+    "parse_override",
+    "shipped",
+    "start_values",
+    "to_toml",
+    "with_parameters",
+]

@@ -54,11 +54,15 @@ def assign(scenario: Scenario, path: str, value: object, problems: list[Problem]
     chosen = [name for name in scenario.components if fnmatchcase(name, head)]
     if not chosen or not key:
         known = [*scenario.components, "experiment"]
-        problems.append(Problem(f"path {path}", "component.parameter or experiment.key", repr(head), did_you_mean(head, known)))
+        problems.append(
+            Problem(f"path {path}", "component.parameter or experiment.key", repr(head), did_you_mean(head, known))
+        )
         return scenario
     components = dict(scenario.components)
     for name in chosen:
-        components[name] = _component_with(components[name], key.removeprefix("parameters."), value, f"path {path}", problems)
+        components[name] = _component_with(
+            components[name], key.removeprefix("parameters."), value, f"path {path}", problems
+        )
     return evolve(scenario, components=components)
 
 

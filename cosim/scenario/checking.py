@@ -33,12 +33,16 @@ def _check_experiment(scenario: Scenario, where: str) -> list[Problem]:
         problems.append(Problem(f"{where}.step", "a whole number of nanoseconds", f"{e.step} s"))
     elif not wrong and abs(e.stop * NANOSECONDS - e.steps * e.step_ns) > 0.5:
         near = max(e.steps, 1) * e.step_ns / NANOSECONDS
-        problems.append(Problem(f"{where}.stop", f"a whole number of steps of {e.step} s", f"{e.stop} s", f"{near:.12g} s is one"))
+        problems.append(
+            Problem(f"{where}.stop", f"a whole number of steps of {e.step} s", f"{e.stop} s", f"{near:.12g} s is one")
+        )
     if e.fmi not in (2, 3):
         problems.append(Problem(f"{where}.fmi", "2 or 3", str(e.fmi)))
     for name in e.order:
         if name not in scenario.components:
-            problems.append(Problem(f"{where}.order", "a component", repr(name), did_you_mean(name, scenario.components)))
+            problems.append(
+                Problem(f"{where}.order", "a component", repr(name), did_you_mean(name, scenario.components))
+            )
     if e.order and (missing := set(scenario.components) - set(e.order)):
         problems.append(Problem(f"{where}.order", "every component", f"no {', '.join(sorted(missing))}"))
     return problems

@@ -12,7 +12,9 @@ from cosim.scenario.reading import structure, table_of
 from cosim.scenario.scenario import Scenario
 
 
-def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Path | str | None = None) -> Scenario:
+def load_scenario(
+    name_or_path: str | Path, overrides: Sequence[str] = (), effects: Path | str | None = None
+) -> Scenario:
     """A shipped scenario by name or a TOML file by path, with `path=value` overrides and an effects file applied.
 
     Order of precedence: `parameter_set`, the file's parameters, the effects file, the overrides.
@@ -52,7 +54,9 @@ def load_text(text: str, folder: Path = Path(".")) -> Scenario:
 
 def shipped(folder: str = "scenarios") -> list[Path]:
     """The TOML files that come with cosim: folder `scenarios` or `sweeps`, sorted by name."""
-    return sorted((Path(str(entry)) for entry in files("cosim").joinpath(folder).iterdir() if entry.name.endswith(".toml")))
+    return sorted(
+        Path(str(entry)) for entry in files("cosim").joinpath(folder).iterdir() if entry.name.endswith(".toml")
+    )
 
 
 def with_parameters(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
@@ -79,4 +83,6 @@ def _find(name_or_path: str | Path) -> Path:
     if str(name_or_path) in known:
         return known[str(name_or_path)]
     advice = did_you_mean(str(name_or_path), known) or "`cosim list` names them"
-    raise InputError(Problem("scenario", "a shipped scenario or a path to a TOML file", repr(str(name_or_path)), advice))
+    raise InputError(
+        Problem("scenario", "a shipped scenario or a path to a TOML file", repr(str(name_or_path)), advice)
+    )

@@ -9,7 +9,16 @@ from pathlib import Path
 from attrs import fields
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.scenario import FORMAT, Algorithm, Component, Connection, Experiment, Extrapolation, Scenario, Teleoperation
+from cosim.scenario.scenario import (
+    FORMAT,
+    Algorithm,
+    Component,
+    Connection,
+    Experiment,
+    Extrapolation,
+    Scenario,
+    Teleoperation,
+)
 from cosim.signals import Signal
 
 
@@ -41,7 +50,9 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
         problems.append(Problem(f"{where}: format", str(FORMAT), repr(table["format"]), "this cosim reads format 1"))
     for key in ("experiment", "components"):
         if not isinstance(table.get(key), dict):
-            problems.append(Problem(f"{where}: [{key}]", "a table", "nothing" if key not in table else "something else"))
+            problems.append(
+                Problem(f"{where}: [{key}]", "a table", "nothing" if key not in table else "something else")
+            )
     if not all(isinstance(table.get(key), dict) for key in ("experiment", "components")):
         return None
     experiment = record_of(Experiment, table["experiment"], f"{where}: experiment", problems)
@@ -54,9 +65,14 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
     connections = _connections(table.get("connections", []), set(table["components"]), where, problems)
     text = {key: str(table[key]).strip() for key in ("title", "description") if key in table}
     return Scenario(
-        str(table.get("name", path.stem)), experiment or Experiment(stop=1.0), components, connections,
-        teleoperation=teleoperation or Teleoperation(), folder=path.parent, **text,
-    )  # fmt: skip
+        str(table.get("name", path.stem)),
+        experiment or Experiment(stop=1.0),
+        components,
+        connections,
+        teleoperation=teleoperation or Teleoperation(),
+        folder=path.parent,
+        **text,
+    )
 
 
 def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: list[Problem]) -> None:
@@ -67,7 +83,9 @@ def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: lis
 
 
 def record_of(kind: type, table: object, where: str, problems: list[Problem]):
-    """An instance of a frozen class from a TOML table by cattrs, unknown keys and wrong types reported; None if hopeless."""
+    """An instance of a frozen class from a TOML table by cattrs, unknown keys and wrong types reported; None if
+    hopeless.
+    """
     if not isinstance(table, dict):
         problems.append(Problem(where, "a table", type(table).__name__))
         return None
@@ -88,7 +106,9 @@ def _converter():
     converter.register_structure_hook(float, lambda value, _: float(_strict(value, (int, float), "a number")))
     converter.register_structure_hook(int, lambda value, _: _strict(value, int, "a whole number"))
     converter.register_structure_hook(str, lambda value, _: _strict(value, str, "text"))
-    converter.register_structure_hook(str | None, lambda value, _: None if value is None else _strict(value, str, "text"))
+    converter.register_structure_hook(
+        str | None, lambda value, _: None if value is None else _strict(value, str, "text")
+    )
     converter.register_structure_hook_func(
         lambda kind: kind == Mapping[str, object], lambda value, _: dict(_strict(value, dict, "a table"))
     )
@@ -148,8 +168,12 @@ def _connections(entries: object, known: set[str], where: str, problems: list[Pr
             continue
         ends = [Signal(*match[end].split(".", 1)) for end in ("source", "target")]
         strangers = [end for end in ends if end.component not in known]
-        problems += [Problem(f"{place} ({entry})", "a component of the scenario", repr(s.component),
-                             did_you_mean(s.component, known)) for s in strangers]  # fmt: skip
+        problems += [
+            Problem(
+                f"{place} ({entry})", "a component of the scenario", repr(s.component), did_you_mean(s.component, known)
+            )
+            for s in strangers
+        ]
         if not strangers:
             found.append(Connection(*ends))
     return tuple(found)

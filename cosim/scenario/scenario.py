@@ -57,7 +57,8 @@ class Experiment:
 
 @frozen
 class Component:
-    """An FMU instance: of one of our models, of a file, or of a recording (columns of a CSV, played back as y[1], y[2], ...).
+    """An FMU instance: of one of our models, of a file, or of a recording (columns of a CSV, played back as y[1], y[2],
+    ...).
 
     `parameters` maps FMU parameter names (`q_start`, a list or one value for all elements, or `q_start[2]`) to values;
     `parameter_set` names one of the arm's published sets, which `parameters` override.
@@ -102,7 +103,9 @@ class Teleoperation:
 
 @frozen
 class Scenario:
-    """A co-simulation, described. `folder` is where relative file names start; `effects` what was applied, for the reader."""
+    """A co-simulation, described. `folder` is where relative file names start; `effects` what was applied, for the
+    reader.
+    """
 
     name: str
     experiment: Experiment

@@ -30,7 +30,9 @@ def _entries(record: object) -> list[str]:
 def plain(record: object) -> dict:
     """Fields of a frozen class as TOML values, empty optional ones left out."""
     table = asdict(record, value_serializer=lambda _, __, value: value.value if isinstance(value, Enum) else value)
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in table.items() if value is not None}
+    return {
+        key: list(value) if isinstance(value, tuple) else value for key, value in table.items() if value is not None
+    }
 
 
 def _bare(key: str) -> str:

@@ -1,4 +1,4 @@
-"""The wiring of a scenario, checked: units, causality, algebraic loops, stepping order, the delay of each connection."""
+"""The wiring of a scenario, checked: units, causality, algebraic loops, order, the delay of each connection."""
 
 from cosim.wiring.ages import direction_table
 from cosim.wiring.checking import check, restarted, wire
@@ -8,5 +8,15 @@ from cosim.wiring.types import is_real
 from cosim.wiring.wiring import Hop, Link, Path, Wiring
 
 __all__ = [
-    "Hop", "Link", "Path", "Wiring", "check", "direction_table", "is_real", "restarted", "stepping_order", "vector_starts", "wire",
-]  # fmt: skip
+    "Hop",
+    "Link",
+    "Path",
+    "Wiring",
+    "check",
+    "direction_table",
+    "is_real",
+    "restarted",
+    "stepping_order",
+    "vector_starts",
+    "wire",
+]

@@ -48,7 +48,9 @@ def _hop(wiring: Wiring, connection: Connection, units: list[Unit]) -> Hop:
     by_name = {unit.name: unit for unit in units}
     ahead = wiring.order.index(a) < wiring.order.index(b)
     experiment = wiring.scenario.experiment
-    age = Fraction(0) if linear else mean_age(experiment.algorithm, by_name[a], by_name[b], ahead, description.integrates)
+    age = (
+        Fraction(0) if linear else mean_age(experiment.algorithm, by_name[a], by_name[b], ahead, description.integrates)
+    )
     unit = wiring.descriptions[a].variables[links[0].source.variable].unit.name
     return Hop(connection, len(links), unit, linear, float(age * experiment.step_ns) / 1e9)
 
@@ -73,8 +75,12 @@ def _paths(wiring: Wiring, start: str, end: str, units: Mapping[str, Unit]) -> t
     return tuple(Path(p, _path_age(wiring, p, pairs, units)) for p in sorted(found, key=len))
 
 
-def _path_age(wiring: Wiring, path: tuple[str, ...], linear: Mapping[tuple[str, str], bool], units: Mapping[str, Unit]) -> float:
-    """Age of a path [s]: chains of held hops one by one, each ending where a hop is on a line or a component integrates."""
+def _path_age(
+    wiring: Wiring, path: tuple[str, ...], linear: Mapping[tuple[str, str], bool], units: Mapping[str, Unit]
+) -> float:
+    """Age of a path [s]: chains of held hops one by one, each ending where a hop is on a line or a component
+    integrates.
+    """
     experiment, age, chain = wiring.scenario.experiment, Fraction(0), [path[0]]
     for a, b in zip(path, path[1:]):
         integrates = wiring.descriptions[b].integrates
@@ -99,7 +105,11 @@ def _chain_age(wiring: Wiring, chain: list[str], units: Mapping[str, Unit], inte
 def direction_table(wiring: Wiring) -> list[tuple[str, str, float]]:
     """(what, way, age [s]) of every direction and local path, for `cosim show` and the report."""
     rows = []
-    for what, paths in (("local to remote", wiring.lr), ("remote to local", wiring.rl),
-                        ("local path, local arm", wiring.loops_l), ("local path, remote arm", wiring.loops_r)):  # fmt: skip
+    for what, paths in (
+        ("local to remote", wiring.lr),
+        ("remote to local", wiring.rl),
+        ("local path, local arm", wiring.loops_l),
+        ("local path, remote arm", wiring.loops_r),
+    ):
         rows += [(what, " → ".join(path.components), path.age) for path in paths]
     return rows

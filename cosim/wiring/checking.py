@@ -31,8 +31,12 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
         return None
     problems: list[Problem] = []
     old = wiring.scenario.components
-    starts = {name: wiring.starts[name] if component == old[name] else starts_of(scenario, name, wiring.descriptions[name], problems)
-              for name, component in scenario.components.items()}  # fmt: skip
+    starts = {
+        name: wiring.starts[name]
+        if component == old[name]
+        else starts_of(scenario, name, wiring.descriptions[name], problems)
+        for name, component in scenario.components.items()
+    }
     if problems:
         raise InputError(problems)
     return evolve(wiring, scenario=scenario, starts=starts)
@@ -40,11 +44,17 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
 
 def _same_structure(one: Scenario, other: Scenario) -> bool:
     if (one.connections, one.experiment, one.teleoperation, one.folder) != (
-        other.connections, other.experiment, other.teleoperation, other.folder,
-    ) or list(one.components) != list(other.components):  # fmt: skip
+        other.connections,
+        other.experiment,
+        other.teleoperation,
+        other.folder,
+    ) or list(one.components) != list(other.components):
         return False
     pairs = zip(one.components.values(), other.components.values())
-    return all(a == b or evolve(a, parameters={}, parameter_set=None) == evolve(b, parameters={}, parameter_set=None) for a, b in pairs)
+    return all(
+        a == b or evolve(a, parameters={}, parameter_set=None) == evolve(b, parameters={}, parameter_set=None)
+        for a, b in pairs
+    )
 
 
 def check(scenario: Scenario, descriptions: Mapping[str, Description]) -> tuple[Wiring | None, list[Problem]]:

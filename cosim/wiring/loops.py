@@ -10,7 +10,9 @@ from cosim.wiring.wiring import Link
 
 
 def _edges(links: Iterable[Link], descriptions, assumed: bool) -> dict[Signal, list[Signal]]:
-    """Instantaneous influence between signals: links, and inputs on outputs within an FMU (unstated ones where `assumed`)."""
+    """Instantaneous influence between signals: links, and inputs on outputs within an FMU (unstated ones where
+    `assumed`).
+    """
     edges: dict[Signal, list[Signal]] = {}
     wired: dict[str, list[str]] = {}
     for link in links:
@@ -50,8 +52,14 @@ def loop_problems(links: list[Link], descriptions) -> list[Problem]:
     loop = _cycle(_edges(links, descriptions, assumed=False))
     if not loop:
         return []
-    return [Problem("wiring", "no algebraic loop", " -> ".join(map(str, loop)),
-                    "put an FMU with a state or a delay between them")]  # fmt: skip
+    return [
+        Problem(
+            "wiring",
+            "no algebraic loop",
+            " -> ".join(map(str, loop)),
+            "put an FMU with a state or a delay between them",
+        )
+    ]
 
 
 def assumed_loops(links: list[Link], descriptions) -> list[str]:
@@ -59,14 +67,16 @@ def assumed_loops(links: list[Link], descriptions) -> list[str]:
     loop = _cycle(_edges(links, descriptions, assumed=True))
     if not loop or _cycle(_edges(links, descriptions, assumed=False)):
         return []
-    silent = sorted({s.component for s in loop if any(v.feedthrough is None for v in descriptions[s.component].variables.values())})
+    silent = sorted(
+        {s.component for s in loop if any(v.feedthrough is None for v in descriptions[s.component].variables.values())}
+    )
     return [f"possible algebraic loop {' -> '.join(map(str, loop))}: {', '.join(silent)} states no dependencies"]
 
 
 def stepping_order(scenario: Scenario, descriptions: Mapping[str, Description], links: Iterable[Link]) -> list[str]:
-    """Order for Gauss-Seidel: sources, then components whose wired inputs act only through states (integrating ones first,
-    sampled ones behind them), then the others with every producer of an instantaneous signal ahead of its consumer;
-    within a rank as declared.
+    """Order for Gauss-Seidel: sources, then components whose wired inputs act only through states (integrating ones
+    first, sampled ones behind them), then the others with every producer of an instantaneous signal ahead of its
+    consumer; within a rank as declared.
 
     So a loop through an arm, a channel and a controller is cut once, at the arm's input, and nowhere else.
     """
@@ -78,9 +88,15 @@ def stepping_order(scenario: Scenario, descriptions: Mapping[str, Description], 
     order = [n for n in names if n not in fed] + stateful
     waiting = [n for n in names if n in fed and n in through]
     while waiting:
-        ready = [n for n in waiting if not any(l.source.component in waiting and l.source.component != n
-                                               for l in links if l.target.component == n
-                                               and l.target.variable in through[n])]  # fmt: skip
+        ready = [
+            n
+            for n in waiting
+            if not any(
+                l.source.component in waiting and l.source.component != n
+                for l in links
+                if l.target.component == n and l.target.variable in through[n]
+            )
+        ]
         chosen = ready[0] if ready else waiting[0]
         order.append(chosen)
         waiting.remove(chosen)
@@ -88,7 +104,9 @@ def stepping_order(scenario: Scenario, descriptions: Mapping[str, Description], 
 
 
 def _feedthrough(links: list[Link], descriptions) -> dict[str, set[str]]:
-    """For each component the wired inputs that act at once on one of its wired outputs; components without any are left out."""
+    """For each component the wired inputs that act at once on one of its wired outputs; components without any are left
+    out.
+    """
     read = {link.source for link in links}
     found: dict[str, set[str]] = {}
     for link in links:

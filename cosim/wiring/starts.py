@@ -11,15 +11,23 @@ from cosim.wiring.types import TYPES
 _SETTABLE = {"parameter", "input", "structuralParameter"}
 
 
-def starts_of(scenario: Scenario, name: str, description: Description, problems: list[Problem]) -> dict[str, float | str]:
-    """Values of single FMU variables that the scenario sets: lists spread, one value for a vector repeated, items by name."""
+def starts_of(
+    scenario: Scenario, name: str, description: Description, problems: list[Problem]
+) -> dict[str, float | str]:
+    """Values of single FMU variables that the scenario sets: lists spread, one value for a vector repeated, items by
+    name.
+    """
     component, where = scenario.components[name], f"{scenario.name}: {name}"
     values: dict[str, float | str] = {}
     known = dict.fromkeys([*description.stems("parameter"), *description.names("parameter")])
     for key, value in start_values(component).items():
         names = description.elements(key)
         if not names:
-            problems.append(Problem(f"{where}.{key}", f"a parameter of {description.model}", "an unknown one", did_you_mean(key, known)))
+            problems.append(
+                Problem(
+                    f"{where}.{key}", f"a parameter of {description.model}", "an unknown one", did_you_mean(key, known)
+                )
+            )
             continue
         given = value if isinstance(value, (list, tuple)) else [value] * len(names)
         if len(given) != len(names):
@@ -44,7 +52,9 @@ def _start(variable: Variable, value: object, where: str, problems: list[Problem
     if variable.items and isinstance(value, str):
         if value in variable.items:
             return variable.items.index(value) + 1
-        problems.append(Problem(where, " or ".join(map(repr, variable.items)), repr(value), did_you_mean(value, variable.items)))
+        problems.append(
+            Problem(where, " or ".join(map(repr, variable.items)), repr(value), did_you_mean(value, variable.items))
+        )
         return None
     if not isinstance(value, (bool, int, float)) or not math.isfinite(value):
         problems.append(Problem(where, "a finite number", repr(value)))

@@ -22,7 +22,7 @@ class Link:
 
 @frozen
 class Hop:
-    """What a connection adds: `age` [s] is the mean time by which the master makes the signal older (negative: newer)."""
+    """What a connection adds: `age` [s] is the mean delay that the stepping adds (negative: ahead)."""
 
     connection: Connection
     size: int
@@ -33,7 +33,8 @@ class Hop:
 
 @frozen
 class Path:
-    """A way of a signal through components, and the mean age that it gains there [s], the channels' own delay not counted.
+    """A way of a signal through components, and the mean age that it gains there [s], the channels' own delay not
+    counted.
 
     With equal step multiples the age is the sum of the ages of the hops."""
 
@@ -100,8 +101,11 @@ class Wiring:
     @cached_property
     def units(self) -> dict[str, str]:
         """Unit of every output."""
-        return {f"{name}.{output}": self.descriptions[name].variables[output].unit.name
-                for name in self.scenario.components for output in self.outputs(name)}  # fmt: skip
+        return {
+            f"{name}.{output}": self.descriptions[name].variables[output].unit.name
+            for name in self.scenario.components
+            for output in self.outputs(name)
+        }
 
 
 def _mean(paths: tuple[Path, ...]) -> float:

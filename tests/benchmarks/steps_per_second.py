@@ -18,11 +18,19 @@ from cosim.master import run
 from cosim.scenario import load_scenario, with_parameters
 
 VARIANTS = [
-    (f"{name}, FMI {fmi}, {algorithm}, {extrapolation}", executor, {"experiment.fmi": fmi, "experiment.algorithm": algorithm,
-                                                                   "experiment.extrapolation": extrapolation})
+    (
+        f"{name}, FMI {fmi}, {algorithm}, {extrapolation}",
+        executor,
+        {"experiment.fmi": fmi, "experiment.algorithm": algorithm, "experiment.extrapolation": extrapolation},
+    )
     for name, executor in (("Python executor", python), ("compiled executor", compiled))
-    for fmi, algorithm, extrapolation in ((2, "gauss-seidel", "linear"), (2, "gauss-seidel", "hold"), (2, "jacobi", "hold"), (3, "gauss-seidel", "linear"))
-]  # fmt: skip
+    for fmi, algorithm, extrapolation in (
+        (2, "gauss-seidel", "linear"),
+        (2, "gauss-seidel", "hold"),
+        (2, "jacobi", "hold"),
+        (3, "gauss-seidel", "linear"),
+    )
+]
 
 
 def measure(seconds: float, rounds: int) -> dict[str, list[float]]:
@@ -46,7 +54,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
-    print(f"{time.strftime('%Y-%m-%d')}, {platform.processor() or platform.machine()}, Python {platform.python_version()}")
+    print(
+        f"{time.strftime('%Y-%m-%d')}, {platform.processor() or platform.machine()}, Python {platform.python_version()}"
+    )
     print("| variant | steps/s | us/step | times real time |\n|---|---|---|---|")
     for name, values in measure(arguments.seconds, arguments.rounds).items():
         median, steps = statistics.median(values), arguments.seconds * 1000

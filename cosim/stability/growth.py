@@ -15,8 +15,8 @@ narrower of two comparable intervals would make intervals too narrow.
 import numpy as np
 from attrs import frozen
 
-_SAMPLES = 200
-_ROWS = 60
+_SAMPLES = 160
+_ROWS = 30
 _ORDER = 14
 _T95 = {1: 12.71, 2: 4.30, 3: 3.18, 4: 2.78, 5: 2.57, 6: 2.45, 7: 2.36}
 """Two-sided 95 % quantiles of Student's t by degrees of freedom."""
@@ -140,21 +140,21 @@ def _principal(signals: np.ndarray, keep: int = 4) -> np.ndarray:
     return u[:, :count] * s[:count]
 
 
-def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-5) -> np.ndarray:
+def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-6) -> np.ndarray:
     """Poles of a sum of exponentials by ESPRIT: shift invariance of the signal subspace of the block Hankel matrix.
 
-    `signals` (n, c) sampled every `step` [s]; singular values below `cut` times the first are noise, so that the Hankel matrix's Gram
-    matrix (small) may stand for it. Shape (k,) [1/s].
+    `signals` (n, c) sampled every `step` [s]; the channels stand side by side in the rows, so that modes of nearly the same
+    frequency but different shape are told apart. Singular values below `cut` times the first are noise. Shape (k,) [1/s].
     """
-    rows = min(len(signals) // 2, _ROWS)
-    blocks = np.lib.stride_tricks.sliding_window_view(signals, rows, axis=0)
-    hankel = blocks.transpose(2, 0, 1).reshape(rows, -1)
-    squares, u = np.linalg.eigh(hankel @ hankel.T)
-    u, s = u[:, ::-1], np.sqrt(np.maximum(squares[::-1], 0.0))
-    rank = int(min(order, np.sum(s > cut * s[0]), rows - 2))
+    count, channels = signals.shape
+    delays = min(count // 2, _ROWS)
+    blocks = np.lib.stride_tricks.sliding_window_view(signals, delays, axis=0)
+    hankel = blocks.transpose(2, 1, 0).reshape(delays * channels, -1)
+    u, s, _ = np.linalg.svd(hankel, full_matrices=False)
+    rank = int(min(order, np.sum(s > cut * s[0]), (delays - 1) * channels - 1))
     if rank < 1:
         return np.empty(0, complex)
-    shift = np.linalg.lstsq(u[:-1, :rank], u[1:, :rank], rcond=None)[0]
+    shift = np.linalg.lstsq(u[:-channels, :rank], u[channels:, :rank], rcond=None)[0]
     z = np.linalg.eigvals(shift)
     z = z[np.abs(z) > 1e-8]
     return np.log(z.astype(complex)) / step

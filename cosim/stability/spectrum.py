@@ -165,18 +165,19 @@ def abscissa(system: DelaySystem) -> float:
     """Largest real part of the roots [1/s], the structural roots at s = 0 left out.
 
     A free, gravity-compensated loop rests anywhere, so that s = 0 is a root for every gain and delay (one for each axis:
-    both arms displaced together). It is not a matter of stability and is left out when Delta(0) is singular. -inf
-    where no other root was found.
+    both arms displaced together). It is not a matter of stability and is left out when Delta(0) is singular (to 1e-7: a
+    linearisation by differences moves it a little); so are roots below 1e-5 of the loop's frequency then. -inf where no other
+    root was found.
     """
     found = roots(system)
     if _singular_at_zero(system):
-        found = found[np.abs(found) > 1e-7 * _frequency_scale(system)]
+        found = found[np.abs(found) > 1e-5 * _frequency_scale(system)]
     return float(found[0].real) if found.size else -np.inf
 
 
 def _singular_at_zero(system: DelaySystem) -> bool:
     values = np.linalg.svd(balanced(system).characteristic(0.0), compute_uv=False)
-    return bool(values[-1] <= 1e-10 * values[0])
+    return bool(values[-1] <= 1e-7 * values[0])
 
 
 def _frequency_scale(system: DelaySystem) -> float:

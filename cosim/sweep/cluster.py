@@ -27,7 +27,7 @@ class DaskPool(Workers):
         from distributed import as_completed
 
         waiting = {self._submit(task, chunk.points): chunk for chunk in chunked(points, size)}
-        ready = as_completed(list(waiting))
+        ready = as_completed(list(waiting), loop=self.client.loop)
         for future in ready:
             chunk = waiting.pop(future)
             findings, message = future.result() if future.status == "finished" else (None, f"the worker died: {future.exception()}")

@@ -1,8 +1,8 @@
 """Who evaluates points: this process, local worker processes, or a Dask cluster (`cluster`). All give findings as they come.
 
 An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded between calls
-in its own module. A worker that dies, or an evaluator that raises, costs the points it had one retry, each alone; a point that fails
-twice is `failed`, with the message of the second failure.
+in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again, each alone; a point that then fails
+gets one retry, and after that is `failed`, with the message of the last failure.
 """
 
 import multiprocessing
@@ -45,16 +45,18 @@ def attempt(task: Task, points: Sequence[Point]) -> tuple[tuple[Finding, ...] | 
 
 @frozen
 class Chunk:
-    """Points handed out together, and how often they were tried before."""
+    """Points handed out together, and how often they were tried alone before."""
 
     points: tuple[Point, ...]
     tries: int = 0
 
     def after_failure(self, message: str) -> tuple[list["Chunk"], list[Answer]]:
-        """What to hand out again, and what is settled as failed."""
+        """What to hand out again, and what is settled as failed: of several points no one knows which was to blame."""
+        if len(self.points) > 1:
+            return [Chunk((p,)) for p in self.points], []
         if self.tries == 0:
-            return [Chunk((p,), 1) for p in self.points], []
-        return [], [(self.points, tuple(failed(message) for _ in self.points))]
+            return [Chunk(self.points, 1)], []
+        return [], [(self.points, (failed(message),))]
 
 
 def chunked(points: Sequence[Point], size: int) -> list[Chunk]:

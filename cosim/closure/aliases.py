@@ -13,14 +13,19 @@ from cosim.effects import Effect
 
 LISTED = 2  # alternatives named beside an effect; more are told in its evidence
 NEAR = 1.0  # standard errors
+REACHED = 0.92  # share of the chosen effect's gain from which on a rival counts as not told apart: the rest is form, not evidence
+DECLARED = 0.75  # the same for effects that physics makes alike
 
 
 @frozen(eq=False)
 class Rival:
-    """Another effect in the place of a chosen one: how much worse (in standard errors of the blocks), and the fit with it."""
+    """Another effect in the place of a chosen one: the fit with it, how much worse (in standard errors of the blocks), and the share
+    of the chosen effect's gain that it reaches.
+    """
 
     evidence: Evidence
     worse: float
+    reached: float
 
 
 def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int) -> tuple[Evidence, tuple[Rival, ...]]:
@@ -39,7 +44,7 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
             continue
         other = _replaced(model, number, candidate.choice, rest, trials, candidate)
         if not rule.refusal(other):
-            out.append(Rival(other, _worse(chosen, other)))
+            out.append(Rival(other, _worse(chosen, other), _reached(rest, chosen, other)))
     return chosen, tuple(sorted(out, key=lambda rival: rival.worse))
 
 
@@ -63,11 +68,18 @@ def _worse(chosen: Evidence, other: Evidence) -> float:
     return float(difference.mean() / max(error, 1e-300))
 
 
-def indistinguishable(found: Sequence[Rival]) -> tuple[Rival, ...]:
-    """The rivals within one standard error, one of each name."""
-    names, out = set(), []
-    for rival in found:
-        if rival.worse <= NEAR and rival.evidence.name not in names:
-            names.add(rival.evidence.name)
-            out.append(rival)
-    return tuple(out)
+def _reached(rest: Model, chosen: Evidence, other: Evidence) -> float:
+    """Gain of the other over gain of the chosen, all fitted blocks left out in turn."""
+    without, own, rival = (float(m.joint_error()[0].sum()) for m in (rest, chosen.model, other.model))
+    return (without - rival) / max(without - own, 1e-300)
+
+
+def indistinguishable(chosen: Effect, found: Sequence[Rival]) -> tuple[Rival, ...]:
+    """The rivals that no motion tells from the effect, then those within one standard error or of nearly the same gain, one of a name."""
+    alike = {alias.name: alias.always for alias in chosen.aliases}
+    always = [r for r in found if alike.get(r.evidence.name)]
+    close = [r for r in found if r.worse <= NEAR or r.reached >= (DECLARED if r.evidence.name in alike else REACHED)]
+    first: dict[str, Rival] = {}
+    for rival in (*always, *close):
+        first.setdefault(rival.evidence.name, rival)
+    return tuple(first.values())

@@ -10,7 +10,7 @@ from cosim.effects import Effect, Estimate
 
 CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
 COLLINEAR = 2e-3  # share of a column that the model does not explain already, below which it cannot be told from the model
-THRIFT = 0.97  # an option with one column more has to take away this much more
+THRIFT = 1.03  # an option with one column more has to leave this much less
 
 
 @frozen(eq=False)
@@ -58,8 +58,8 @@ def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, 
 
 def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...], options: list) -> Candidate:
     """The option with the largest gain; a physical one if it comes close to the best unphysical one."""
-    options.sort(key=lambda option: -option[0] * THRIFT ** len(option[2]))
     base, tried, first = normal.error(joints), len(options), None
+    options.sort(key=lambda option: (base - option[0]) * THRIFT ** len(option[2]))
     for gain, theta, beta in options:
         estimate = Estimate(beta, np.abs(beta) * 0.1, theta, joints, model.scene)
         reason = effect.unphysical(estimate)

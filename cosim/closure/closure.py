@@ -91,19 +91,20 @@ def _completed(recording: Recording, before: Model, selection: Selection, verdic
 
 
 def _no_worse(verdict: Verdict, before: Model) -> Verdict:
-    """Nothing is added that makes held-out rows worse, standstill and reversals included: neither a smooth correction nor names."""
-    correction = torque_error(verdict.model, verdict.best)
-    if _worse(correction):
+    """Nothing is added that makes held-out rows of its joints worse, moving rows and all rows alike: no correction, no names."""
+    if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=verdict.model)
-    if verdict.findings and _worse(torque_error(before, verdict.model)):
-        text = "all held-out rows together, standstill and reversals included, are worse with it"
+    joints = {j - 1 for f in verdict.findings for j in f.joints}
+    if joints and _worse(torque_error(before, verdict.model), joints):
+        text = "held-out rows are worse with it"
         withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
         verdict = evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before)
     return verdict
 
 
-def _worse(error: TorqueError) -> bool:
-    return any(after > 1.01 * before for before, after in zip(error.before, error.after, strict=True))
+def _worse(error: TorqueError, joints: set[int]) -> bool:
+    pairs = [(error.before[j], error.after[j], error.moving_before[j], error.moving_after[j]) for j in joints]
+    return any(after > 1.01 * before and moving_after > 1.01 * moving for before, after, moving, moving_after in pairs)
 
 
 def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:

@@ -1,6 +1,8 @@
 """The controller of a recorded run, found in the run itself: a proportional-derivative law from reference to torque.
 
-    tau_k = kp (q_ref,k - q_k) + kd_ref D q_ref,k - kd D q_k + offset,   D x_k = (x_k - x_{k-n}) / (n H)
+    tau_k = kp (q_ref,k - q_k) + kd_ref D q_ref,k - kd L D q_k + offset + a sin q_k + b cos q_k,   D x_k = (x_k - x_{k-n}) / (n H)
+
+with L a first-order low-pass or nothing, and the last terms a feed-forward of the weight.
 
 Where this law gives back the recorded torque, the run can be replayed in closed loop. That is no circle: q_ref was chosen
 by the experimenter, not by the plant. What the law leaves over (pulses added to the command) is a recorded input of its own.
@@ -12,39 +14,58 @@ from attrs import frozen
 from cosim.measured.recording import Recording, Run
 
 SAMPLES = (1, 2, 3, 4)  # n of the velocity difference that are tried
-CLOSE = 2.0  # %: a law that leaves more of the torque than this is not the recorded one
+CUTOFFS = (0.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 150.0, 200.0)  # Hz, of L; 0: none
+CLOSE = 5.0  # %: a law that leaves more of the torque than this is not the recorded one
+PULSES = 2.0  # %: less than this is noise, not an input of its own
 
 
 @frozen
 class Law:
-    """kp [N.m/rad], kd, kd_ref [N.m.s/rad], offset [N.m] of one joint (N, m of a prismatic one); n of the difference.
+    """kp [N.m/rad], kd, kd_ref [N.m.s/rad], offset, weight_sin, weight_cos [N.m] of one joint (N, m of a prismatic one).
 
-    `limit` is the largest torque that the recording holds [N.m], 0 where it was never held at it; `left` the RMS% of
-    torque that the law does not give on the rows it was found on.
+    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the largest torque that the recording holds [N.m], 0 where it
+    was never held at it; `left` the RMS% of torque that the law does not give on the rows it was found on.
     """
 
     kp: float
     kd: float
     kd_ref: float
     offset: float
+    weight_sin: float
+    weight_cos: float
     samples: int
+    cutoff: float
     limit: float
     left: float
 
+    @property
+    def gains(self) -> np.ndarray:
+        return np.array([self.kp, self.kd, self.kd_ref, self.offset, self.weight_sin, self.weight_cos])
+
     def torque(self, q_ref: np.ndarray, q: np.ndarray, step: float) -> np.ndarray:
         """Torque (n,) of the law on a recorded reference and position (n,), before the limit."""
-        columns = _columns(q_ref, q, step, self.samples)
-        return columns @ np.array([self.kp, self.kd_ref, self.kd, self.offset])
+        return _columns(q_ref, q, step, self.samples, self.cutoff) @ self.gains
+
+    def feed(self, q_ref: np.ndarray, q: np.ndarray, step: float) -> np.ndarray:
+        """The terms (n,) beside kp (q_ref - q) - kd L D q: what a PD controller is fed forward."""
+        return _columns(q_ref, q, step, self.samples, self.cutoff)[:, 2:] @ self.gains[2:]
 
 
-def find_law(recording: Recording, joint: int) -> Law | None:
-    """The law of one joint from the training rows of all runs; None without a reference or where no law fits."""
+def find_laws(recording: Recording) -> tuple[Law, ...] | None:
+    """One law a joint, all with the same differentiation, from the training rows of all runs; None without a reference or a fit."""
     runs = [run for run in recording.runs if run.train.any()]
     if not runs or any(run.q_ref is None for run in runs):
         return None
-    laws = [_fitted(runs, joint, samples) for samples in SAMPLES]
-    best = min(laws, key=lambda law: law.left)
-    return best if best.left < CLOSE else None
+    ways = [(samples, 0.0) for samples in SAMPLES]
+    best = _best(runs, ways)
+    if max(law.left for law in best) > 0.5:
+        best = _best(runs, [*ways, *((1, cutoff) for cutoff in CUTOFFS[1:])])
+    return best if max(law.left for law in best) < CLOSE else None
+
+
+def _best(runs: list[Run], ways: list[tuple[int, float]]) -> tuple[Law, ...]:
+    joints = range(runs[0].q.shape[1])
+    return min((tuple(_fitted(runs, j, *way) for j in joints) for way in ways), key=lambda laws: sum(law.left for law in laws))
 
 
 def injected(law: Law, run: Run, joint: int) -> np.ndarray:
@@ -53,11 +74,20 @@ def injected(law: Law, run: Run, joint: int) -> np.ndarray:
     rest = tau - law.torque(run.q_ref[:, joint], run.q[:, joint], run.step)
     rest[: law.samples] = 0.0
     share = 100 * np.sqrt(np.mean(rest**2) / np.mean(tau**2))
-    return rest if share > max(3 * law.left, CLOSE) else np.zeros_like(rest)
+    return rest if share > max(3 * law.left, PULSES) else np.zeros_like(rest)
 
 
-def _columns(q_ref: np.ndarray, q: np.ndarray, step: float, samples: int) -> np.ndarray:
-    return np.stack([q_ref - q, difference(q_ref, step, samples), -difference(q, step, samples), np.ones_like(q)], axis=1)
+def _columns(q_ref: np.ndarray, q: np.ndarray, step: float, samples: int, cutoff: float) -> np.ndarray:
+    speed = low_passed(difference(q, step, samples), step, cutoff)
+    return np.stack([q_ref - q, -speed, difference(q_ref, step, samples), np.ones_like(q), np.sin(q), np.cos(q)], axis=1)
+
+
+def low_passed(x: np.ndarray, step: float, cutoff: float) -> np.ndarray:
+    """v_k = v_{k-1} + (1 - exp(-2 pi f H)) (x_k - v_{k-1}), from v = 0; x itself for f = 0."""
+    from scipy.signal import lfilter
+
+    keep = np.exp(-2 * np.pi * cutoff * step)
+    return lfilter([1 - keep], [1, -keep], x) if cutoff > 0 else x
 
 
 def difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
@@ -66,21 +96,21 @@ def difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
     return (x - past) / (samples * step)
 
 
-def _fitted(runs: list[Run], joint: int, samples: int) -> Law:
-    """Least squares on the rows that are off the limit, with reference and own velocity apart and, if as good, together."""
-    parts = [(_columns(run.q_ref[:, joint], run.q[:, joint], run.step, samples), run.tau[:, joint], run.train) for run in runs]
+def _fitted(runs: list[Run], joint: int, samples: int, cutoff: float) -> Law:
+    """Least squares on the rows that are off the limit; the terms beside the PD only where they are needed."""
+    parts = [(_columns(run.q_ref[:, joint], run.q[:, joint], run.step, samples, cutoff), run.tau[:, joint], run.train) for run in runs]
     y = np.concatenate([y[samples:][train[samples:]] for y, _, train in parts])
     tau = np.concatenate([tau[samples:][train[samples:]] for _, tau, train in parts])
     limit = _limit(tau)
     free = np.abs(tau) < 0.999 * limit if limit else np.ones(len(tau), bool)
-    gains = _solve(y[free], tau[free])
-    left = 100 * np.sqrt(np.mean((tau - y @ gains)[free] ** 2) / np.mean(tau**2))
-    simple = np.insert(_solve(y[free][:, [0, 2]], tau[free]), [1, 2], 0.0)
-    rest = 100 * np.sqrt(np.mean((tau - y @ simple)[free] ** 2) / np.mean(tau**2))
-    if rest < 1.1 * left + 0.01:
-        gains, left = simple, rest
-    kp, kd_ref, kd, offset = (float(value) for value in gains)
-    return Law(kp, kd, kd_ref, offset, samples, limit, float(left))
+    best = None
+    for kept in ([0, 1], [0, 1, 2], [0, 1, 2, 3, 4, 5]):
+        gains = np.zeros(6)
+        gains[kept] = _solve(y[free][:, kept], tau[free])
+        left = 100 * np.sqrt(np.mean((tau - y @ gains)[free] ** 2) / np.mean(tau**2))
+        if best is None or left < 0.9 * best[1] - 0.01:
+            best = gains, left
+    return Law(*map(float, best[0]), samples, cutoff, limit, float(best[1]))
 
 
 def _solve(y: np.ndarray, tau: np.ndarray) -> np.ndarray:

@@ -53,9 +53,9 @@ class Motion:
         """Apply a function to the rows of each run of x (n, ...)."""
         return np.concatenate([function(x[a:b]) for a, b in self.bounds])
 
-    def smooth(self, x: np.ndarray) -> np.ndarray:
-        """K x, for a signal formed from raw ones."""
-        weights = kernel(self.widths.first / self.step)
+    def smooth(self, x: np.ndarray, width: float | None = None) -> np.ndarray:
+        """x (n, ...) smoothed by K, or by a kernel of another width [s]."""
+        weights = kernel((width or self.widths.first) / self.step)
         return self.per_run(lambda part: convolve(part, weights), x)
 
     def of_torque(self, joint: int, function) -> np.ndarray:

@@ -16,15 +16,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from attrs import evolve, field, frozen
+from attrs import field, frozen
 
-from cosim.closure.law import Law, difference, find_law, injected
+from cosim.closure.law import Law, difference, find_laws, injected
+from cosim.closure.smoothing import convolve, kernel, position_noise
 from cosim.measured.recording import Recording, Run
 from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
 from cosim.signals import Signal
 
 SETTLE = 0.2  # s at the start of every run that are not judged: velocity and presliding state are not recorded
 GUIDE = 2 * np.pi * 4.0  # rad/s, natural frequency of the guiding PD
+SMOOTH = (0.0, 1.5e-3, 2.5e-3, 4e-3, 6e-3)  # s, widths of the kernel over the path that guides
+JITTER = 0.005  # of the torque: what encoder noise on that path may ask for
 BLOCK = 0.5  # s, blocks of the bootstrap
 LAGS = ("actuator_lag", "time_delay")
 
@@ -33,7 +36,7 @@ LAGS = ("actuator_lag", "time_delay")
 class Replay:
     """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2).
 
-    position_before, position_after: RMS of q [rad or m].
+    smooth_before, smooth_after: the same of smoothed torques; position_before, position_after: RMS of q [rad or m].
     time, tau, tau_before, tau_after (n, nj): the last run judged, for figures.
     """
 
@@ -41,6 +44,8 @@ class Replay:
     before: tuple[float, ...]
     after: tuple[float, ...]
     interval: tuple[tuple[float, float], ...]
+    smooth_before: tuple[float, ...]
+    smooth_after: tuple[float, ...]
     position_before: tuple[float, ...]
     position_after: tuple[float, ...]
     runs: tuple[str, ...]
@@ -54,7 +59,8 @@ class Replay:
 
 @frozen(eq=False)
 class _Path:
-    """What is played back to a run's loop: q_ref, feed (n, nj), and the gains kp, kd (nj,), difference, limit (nj,)."""
+    """What is played back to a run's loop: q_ref, feed (n, nj), and the gains kp, kd (nj,), difference,
+    velocity cutoff [Hz], limit (nj,)."""
 
     run: Run
     q_ref: np.ndarray
@@ -62,24 +68,26 @@ class _Path:
     kp: tuple[float, ...]
     kd: tuple[float, ...]
     samples: int
+    cutoff: float
     limit: tuple[float, ...]
     guided: bool
 
 
-def replay(recording: Recording, before: Mapping[str, object], after: Mapping[str, object]) -> Replay | None:
+def replay(recording: Recording, before: Mapping[str, object], after: Mapping[str, object], width: float = 8e-3) -> Replay | None:
     """Replay every run that has held-out rows with two sets of start values of the drive's FMU (scalars or lists).
 
+    The smoothed errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s]: the recorded torque holds
+    the noise of its encoder and amplifier, the replay does not.
     The model is AxisDrive for device "axis" and PhantomArm for device "phantom"; None for device "regressor".
     Raises InputError where an FMU has no such parameter, RunError where it fails.
     """
     if recording.device == "regressor":
         return None
-    joints = len(recording.joints)
-    laws = tuple(find_law(recording, joint) for joint in range(joints))
-    known = all(law is not None for law in laws) and len({law.samples for law in laws}) == 1
-    paths = [_recorded_loop(run, laws) if known else _guided(run, before, joints) for run in recording.runs if run.test.any()]
+    laws = find_laws(recording)
+    held = [run for run in recording.runs if run.test.any()]
+    paths = [_recorded_loop(run, laws) if laws else _guided(run, before, len(recording.joints)) for run in held]
     runs = [_compared(recording.device, path, before, after) for path in paths]
-    return _summary(runs, laws if known else (), _notes(paths))
+    return _summary(runs, laws or (), width)
 
 
 def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, object]:
@@ -97,21 +105,30 @@ def _recorded_loop(run: Run, laws: Sequence[Law]) -> _Path:
     """The recorded reference through the recorded law; its other terms and what it leaves over are fed forward."""
     feed = np.stack([_feed(run, law, joint) for joint, law in enumerate(laws)], axis=1)
     gains = [tuple(getattr(law, name) for law in laws) for name in ("kp", "kd", "limit")]
-    return _Path(run, run.q_ref, feed, gains[0], gains[1], laws[0].samples, gains[2], False)
+    return _Path(run, run.q_ref, feed, gains[0], gains[1], laws[0].samples, laws[0].cutoff, gains[2], False)
 
 
 def _feed(run: Run, law: Law, joint: int) -> np.ndarray:
-    q_ref = run.q_ref[:, joint]
-    rest = evolve(law, kp=0.0, kd=0.0).torque(q_ref, q_ref, run.step)
-    return rest + injected(law, run, joint)
+    return law.feed(run.q_ref[:, joint], run.q[:, joint], run.step) + injected(law, run, joint)
 
 
 def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
     """The recorded position and torque, and gains that give the drive's own inertia the frequency GUIDE, well damped."""
     inertia, samples = _inertia(parameters, joints), 2
     damping = 1.4 * GUIDE * inertia
-    feed = run.tau + damping * difference(run.q, run.step, samples)
-    return _Path(run, run.q, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, (0.0,) * joints, True)
+    smooth = _smoothed(run, damping)
+    feed = run.tau + damping * difference(smooth, run.step, samples)
+    return _Path(run, smooth, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, 0.0, (0.0,) * joints, True)
+
+
+def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
+    """The recorded path with as little smoothing as keeps the damping quiet: noise s of q makes s sqrt(H / (4 sqrt(pi) w^3)) of dq."""
+    noise, allowed = position_noise(run.q), JITTER * np.sqrt(np.mean(run.tau**2, axis=0))
+    for width in SMOOTH:
+        rate = np.sqrt(run.step / (4 * np.sqrt(np.pi) * width**3)) if width else 1 / (np.sqrt(2) * run.step)
+        if (damping * noise * rate < allowed).all():
+            break
+    return convolve(run.q, kernel(width / run.step)) if width else run.q
 
 
 def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:
@@ -188,7 +205,8 @@ def _starts(path: _Path, parameters: Mapping[str, object]) -> dict[str, object]:
 def _gains(path: _Path) -> dict[str, object]:
     """Parameters of the PDController, three joints wide; joints that are not there have no gain."""
     wide = lambda values: [float(v) for v in values] + [0.0] * (3 - len(values))  # noqa: E731
-    return {"kp": wide(path.kp), "kd": wide(path.kd), "torque_limit": wide(path.limit), "difference_samples": path.samples}
+    return {"kp": wide(path.kp), "kd": wide(path.kd), "torque_limit": wide(path.limit), "difference_samples": path.samples,
+            "velocity_cutoff": path.cutoff}  # fmt: skip
 
 
 def _wires(device: str, joints: int) -> tuple[Connection, ...]:
@@ -204,22 +222,23 @@ def _wires(device: str, joints: int) -> tuple[Connection, ...]:
     return tuple(wires)
 
 
-def _summary(compared: Sequence[_Compared], laws: tuple, warnings: tuple[str, ...]) -> Replay:
+def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float) -> Replay:
     """Errors over the judged rows of all runs."""
+    smooth = lambda x, run: convolve(x, kernel(width / run.step))  # noqa: E731
     tau, before, after = (_judged(compared, pick) for pick in (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after))
     q, q_before, q_after = (_judged(compared, pick) for pick in (lambda c: c.path.run.q, lambda c: c.q_before, lambda c: c.q_after))
-    lost = ~np.isfinite(after).all(axis=1) | ~np.isfinite(before).all(axis=1)
-    if lost.any():
-        warnings += (f"a replay left the model's domain: {lost.mean():.0%} of the rows are not judged",)
-    keep = ~lost
+    calm = [_judged(compared, lambda c, x=x: smooth(x(c), c.path.run))
+            for x in (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after)]  # fmt: skip
+    keep = np.isfinite(np.column_stack((before, after, *calm))).all(axis=1)
     size = max(int(round(BLOCK / compared[0].path.run.step)), 1)
     last = compared[-1]
     return Replay(
         kind="guided" if compared[0].path.guided else "closed loop",
         before=_percent(before[keep], tau[keep]), after=_percent(after[keep], tau[keep]),
         interval=_interval(after[keep] - tau[keep], tau[keep], size),
+        smooth_before=_percent(calm[1][keep], calm[0][keep]), smooth_after=_percent(calm[2][keep], calm[0][keep]),
         position_before=_rms(q_before[keep] - q[keep]), position_after=_rms(q_after[keep] - q[keep]),
-        runs=tuple(c.path.run.name for c in compared), laws=laws, warnings=warnings,
+        runs=tuple(c.path.run.name for c in compared), laws=laws, warnings=_notes(compared, laws, float(np.mean(~keep))),
         time=last.path.run.time, tau=last.path.run.tau, tau_before=last.before, tau_after=last.after,
     )  # fmt: skip
 
@@ -253,16 +272,17 @@ def _interval(error: np.ndarray, tau: np.ndarray, size: int) -> tuple[tuple[floa
     return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
 
 
-def _notes(paths: Sequence[_Path]) -> tuple[str, ...]:
+def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...], lost: float) -> tuple[str, ...]:
     notes = []
-    for path in paths:
-        if path.guided:
-            continue
-        share = 100 * np.sqrt(np.mean(path.feed**2) / np.mean(path.run.tau**2))
-        if share > 1:
-            notes.append(f"{path.run.name}: the recorded torque holds pulses or feed-forward of {share:.0f} % RMS that the law from "
-                         "q_ref does not give; they are replayed as recorded")  # fmt: skip
-    if any(path.guided for path in paths):
+    for path in (c.path for c in compared):
+        rest = [injected(law, path.run, joint) for joint, law in enumerate(laws)]
+        share = max((100 * np.sqrt(np.mean(x**2) / np.mean(path.run.tau[:, j] ** 2)) for j, x in enumerate(rest)), default=0.0)
+        if share > 0:
+            notes.append(f"{path.run.name}: the recorded torque holds an input of its own (pulses, feed-forward) of {share:.0f} % RMS "
+                         "beside the law from q_ref; it is replayed as recorded")  # fmt: skip
+    if not laws:
         notes.append("no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a soft PD that "
                      "holds the drive on the recorded path; the error is the torque it needs")  # fmt: skip
+    if lost:
+        notes.append(f"a replay left the model's domain: {lost:.0%} of the rows are not judged")
     return tuple(notes)

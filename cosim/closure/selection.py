@@ -14,7 +14,8 @@ from cosim.effects import Effect
 @frozen
 class Rule:
     """What a claim needs. p: jackknife F on fitted blocks times everything tried; gains: share of its joints' squared error removed on
-    blocks not seen; t: paired differences per block; size: share of the torque's RMS that only this effect explains.
+    blocks not seen; t: paired differences per block; size: share of the torque's RMS that only this effect explains; sure: t of fitted
+    and held-out blocks that stands in for p where few blocks hold an effect.
     """
 
     p: float = 1e-3
@@ -22,6 +23,7 @@ class Rule:
     t_fit: float = 2.0
     t_held: float = 2.0
     size: float = 0.004
+    sure: float = 5.0
     most: int = 6
     shortlist: int = 40
 
@@ -30,7 +32,7 @@ class Rule:
         if evidence.reason:
             return evidence.reason
         checks = (
-            (evidence.p > self.p, f"p = {evidence.p:.1g} after counting all that was tried"),
+            (evidence.p > self.p and not self.confirmed(evidence), f"p = {evidence.p:.1g} after counting all that was tried"),
             (evidence.gain_fit < self.gain, f"removes {100 * evidence.gain_fit:.1f} % of the squared error of unseen fitted blocks"),
             (evidence.t_fit < self.t_fit, f"fitted blocks disagree (t = {evidence.t_fit:.1f})"),
             (evidence.gain_held < self.gain, f"removes {100 * evidence.gain_held:.1f} % of the held-out squared error"),
@@ -38,6 +40,10 @@ class Rule:
             (evidence.size < self.size, f"explains {100 * evidence.size:.2f} % of the torque: below what processing alone can make"),
         )
         return next((text for failed, text in checks if failed), "")
+
+    def confirmed(self, evidence: Evidence) -> bool:
+        """Whether held-out blocks, which took no part in the search, carry the claim where an effect shows in few fitted blocks."""
+        return evidence.t_held >= self.sure and evidence.t_fit >= self.sure and min(evidence.gain_held, evidence.gain_fit) >= 0.2
 
 
 @frozen(eq=False)

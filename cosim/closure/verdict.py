@@ -13,7 +13,8 @@ from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished
 from cosim.effects import Effect, Estimate
 
-NAMED_SHARE = 0.8  # of what can be explained at all has to be explained by the named effects of a joint
+NAMED_SHARE = 0.9  # of what can be explained at all has to be explained by the named effects of a joint
+SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
@@ -51,7 +52,7 @@ class Finding:
 
     @property
     def indistinguishable(self) -> tuple[Rival, ...]:
-        return indistinguishable(self.rivals)
+        return indistinguishable(self.effect, self.rivals)
 
     @property
     def aliases(self) -> tuple[str, ...]:
@@ -125,10 +126,12 @@ def _unnamed_better(before: Model, model: Model, joint: int, numbers: list[int],
         return ""
     base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
     error = [_joint_error(m, joint) for m in (base, model, here[0].evidence.model)]
-    named, possible = (error[0] - error[1]).sum(), (error[0] - error[2]).sum()
+    named, possible = (error[0] - error[1]).sum(), max((error[0] - error[2]).sum(), 1e-300)
     if named < NAMED_SHARE * possible:
         return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {joint + 1}; "
                 f"{' and '.join(here[0].signals)} explains the rest without a name")  # fmt: skip
+    if named > SETTLED * possible:
+        return ""
     rival = min((with_choices(base, (*base.choices, x.evidence.candidate.choice)) for x in here),
                 key=lambda m: _joint_error(m, joint).sum())  # fmt: skip
     difference = error[1] - _joint_error(rival, joint)

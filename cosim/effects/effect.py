@@ -69,6 +69,7 @@ class Alias:
 
     name: str
     separated_by: str
+    always: bool = False  # no motion tells the two: listed even where details of the friction law seem to
 
 
 class Effect(ABC):

@@ -56,7 +56,7 @@ class ExternalContact(Effect):
 
     name = "external_contact"
     title = "undeclared contact of the tip"
-    equation = "tau += J^T n k max(n.x - d, 0), k > 0"
+    equation = "tau += J^T n (k max(n.x - d, 0) + c n.dx while it touches), k > 0"
     source = "unilateral spring"
     unit = "N/m"
     aliases = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
@@ -88,17 +88,21 @@ class ExternalContact(Effect):
     def columns(self, scene, joints, theta):
         x, jacobian = _tip(scene.motion)
         n, d = np.array(theta[:3]), theta[3]
-        torque = (n @ jacobian) * np.maximum(x @ n - d, 0.0)[:, None]
-        return {j: torque[:, [j]] for j in range(3)}
+        arm = n @ jacobian
+        depth, speed = x @ n - d, np.einsum("nj,nj->n", arm, scene.motion.dq)
+        columns = np.stack((np.maximum(depth, 0.0), np.where(depth > 0, speed, 0.0)), axis=1)
+        return {j: arm[:, [j]] * columns for j in range(3)}
 
     def labels(self, joints, theta):
-        return ("contact_stiffness",)
+        return ("contact_stiffness", "contact_damping")
 
     def theta_labels(self, joints):
         return ("contact_normal[1]", "contact_normal[2]", "contact_normal[3]", "contact_distance")
 
     def unphysical(self, estimate: Estimate) -> str:
-        return "a wall that pulls" if estimate.beta[0] < 0 else ""
+        if estimate.beta[0] < 0:
+            return "a wall that pulls"
+        return "a wall that pushes with the speed" if estimate.beta[1] < -3 * estimate.std[1] - 0.02 * estimate.beta[0] else ""
 
 
 class JointCoupling(Effect):

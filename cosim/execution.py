@@ -10,12 +10,15 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-from attrs import frozen
+from attrs import field, frozen
 
 from cosim.errors import RunError
 from cosim.outcome import Outcome
 from cosim.schedule import GetOutputs, Operation, Phase, Schedule, SetInputs, seconds
 from cosim.slave import Slave
+
+
+_TURN = 1024  # steps between two looks at what can leave memory
 
 
 @frozen
@@ -47,7 +50,9 @@ class Job:
     keep, in which rows, until when.
 
     store: (2n,) current and previous outputs, filled; table: (rows, columns) to fill, row 0 included; columns: (columns,)
-    places among the n outputs; every: communication steps per row; steps: communication steps in all.
+    places among the n outputs; every: communication steps per row; steps: communication steps in all; drop: to be told now
+    and then how many rows are filled; memory: where an executor keeps what serves the next job of the same schedule, slaves,
+    store and columns.
     """
 
     schedule: Schedule
@@ -58,6 +63,8 @@ class Job:
     every: int
     steps: int
     watch: Watch
+    drop: Callable[[int], None] = lambda done: None
+    memory: dict = field(factory=dict, repr=False)
 
 
 @frozen
@@ -96,6 +103,8 @@ def execute(job: Job, progress: Callable[[Progress], None] | None = None) -> End
                     keep(job, done + 1, turn.columns)
                 done += 1
                 ending = watched(job, done) if going else Ending(done, message="an FMU asked to end the run")
+                if done % _TURN == 0:
+                    job.drop(done // job.every)
                 reporter.tell(done)
         except RunError as error:
             failure = blamed(job, error, done)

@@ -10,14 +10,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
-from cosim.compiled import execute
+from cosim import compiled
 from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.execution import Ending, Executor, Job, Progress, Watch
+from cosim.initialisation import initialise
 from cosim.outcome import Outcome
+from cosim.rows import Columns, Rows
 from cosim.scenario import Scenario
-from cosim.schedule import Schedule, seconds
+from cosim.schedule import seconds
 from cosim.signals import stem
 from cosim.slave import Slave
 from cosim.wiring import Wiring
@@ -61,8 +63,13 @@ class Result:
             raise InputError(Problem("signal", "a recorded signal", repr(name), did_you_mean(name, map(stem, self.signals))))
         return np.column_stack([self.signals[key] for key in names])
 
+
 class System(Protocol):
-    """Loaded FMUs, ready for runs of scenarios with the same components (`cosim.fmu.FmuSet`, or a set of fakes)."""
+    """Loaded FMUs, ready for runs of scenarios with the same components (`cosim.fmu.FmuSet`, or a set of fakes).
+
+    One may have an attribute `memory`, a dict that it empties when slaves or connections change: repeated runs keep there
+    what they have in common.
+    """
 
     def wiring(self, scenario: Scenario) -> Wiring: ...
 
@@ -78,10 +85,10 @@ def run(
 ) -> Result:
     """Simulate a scenario once.
 
-    system: FMUs already loaded (default: loaded for this run); record: names of signals to keep, `arm_l.x` or `arm_l.x[1]`
-    (default: all); executor: who runs the schedule (default: the compiled loop).
-    Raises InputError where the scenario does not fit its FMUs, RunError where one cannot be initialised; what happens later
-    is told by the result.
+    system: FMUs already loaded (default: loaded for this run); record: names of signals to keep, `arm_l.x` or
+    `arm_l.x[1]` (default: all); executor: who runs the schedule (default: start and schedule in the compiled loop).
+    Raises InputError where the scenario does not fit its FMUs, RunError where one cannot be initialised; what happens
+    later is told by the result.
     """
     if system is None:
         from cosim.fmu import open_system
@@ -89,74 +96,63 @@ def run(
         with open_system(scenario) as opened:
             return run(scenario, opened, progress, record, executor)
     began = time.perf_counter()
-    wiring = system.wiring(scenario)
-    slaves = system.slaves(wiring)
-    store = initialise(wiring, slaves)
-    timetable = Timetable.of(wiring, record)
-    job = _job(timetable, slaves, store)
-    ending = (executor or execute)(job, progress)
-    return timetable.result(wiring, job.table, ending, time.perf_counter() - began)
+    stage = _Stage.of(system, system.wiring(scenario), record)
+    wiring = stage.wiring
+    store = initialise(wiring, stage.slaves) if executor else compiled.initialise(wiring, stage.slaves, stage.memory)
+    rows = Rows(stage.timetable.rows, len(stage.timetable.names))
+    ending = (executor or compiled.execute)(stage.job(store, rows), progress)
+    return stage.timetable.result(wiring, rows, ending, time.perf_counter() - began)
 
 
-def initialise(wiring: Wiring, slaves: Sequence[Slave]) -> np.ndarray:
-    """Start every slave and carry outputs to inputs until nothing changes any more; the store at t = 0, (2n,).
+@frozen
+class _Stage:
+    """What runs with the same slaves, connections and choice of signals have in common; `wiring` is that of one of them."""
 
-    Without algebraic loops this ends after at most as many rounds as there are components. Raises RunError.
-    """
-    schedule = wiring.schedule
-    for slave in slaves:
-        slave.wire(wiring.inputs(slave.name), wiring.sloped(slave.name), wiring.outputs(slave.name))
-        slave.start(wiring.starts[slave.name])
-    store = np.zeros(2 * schedule.outputs)
-    before = np.full(schedule.outputs, np.nan)
-    sources = _initial_sources(wiring)
-    for _ in range(len(slaves) + 1):
-        _collect(schedule, slaves, store)
-        if np.array_equal(store[: schedule.outputs], before):
-            break
-        before = store[: schedule.outputs].copy()
-        for slave, source in zip(slaves, sources):
-            if len(source):
-                slave.inputs[:] = store[source]
-                slave.set()
-    for slave in slaves:
-        slave.begin()
-    _collect(schedule, slaves, store)
-    store[schedule.outputs :] = store[: schedule.outputs]
-    return store
+    wiring: Wiring
+    slaves: Sequence[Slave]
+    timetable: Timetable
+    domain: tuple[int, ...]
+    memory: dict
 
+    @classmethod
+    def of(cls, system: System, wiring: Wiring, record: Sequence[str] | None) -> _Stage:
+        """The stage that the system remembers, for this wiring, or a new one."""
+        slaves, known = system.slaves(wiring), getattr(system, "memory", {})
+        key = None if record is None else tuple(record)
+        found = known.get(key)
+        if found is not None and found.wiring.schedule is wiring.schedule and found.slaves is slaves:
+            return found if found.wiring is wiring else evolve(found, wiring=wiring)
+        domain = tuple(i for i, name in enumerate(wiring.signals) if name.endswith(".domain"))
+        known[key] = cls(wiring, slaves, Timetable.of(wiring, record), domain, {})
+        return known[key]
 
-def _initial_sources(wiring: Wiring) -> list[np.ndarray]:
-    """Places in the store of each component's inputs."""
-    place = {name: i for i, name in enumerate(wiring.signals)}
-    source = {str(link.target): place[str(link.source)] for link in wiring.links}
-    return [np.array([source[f"{name}.{v}"] for v in wiring.inputs(name)], dtype=np.int64) for name in wiring.scenario.components]
-
-
-def _collect(schedule: Schedule, slaves: Sequence[Slave], store: np.ndarray) -> None:
-    for slave, offset, count in zip(slaves, schedule.offset, schedule.count):
-        if count:
-            slave.get()
-            store[offset : offset + count] = slave.outputs
+    def job(self, store: np.ndarray, rows: Rows) -> Job:
+        """The job of a run from `store`, to be kept in `rows`."""
+        experiment = self.wiring.scenario.experiment
+        return Job(self.wiring.schedule, self.slaves, store, rows.values, self.timetable.columns, experiment.record_every,
+                   experiment.steps, Watch(self.domain, experiment.bound), rows.drop, self.memory)  # fmt: skip
 
 
 @frozen
 class Timetable:
     """Which signals a run keeps, and how its table becomes a result.
 
-    names: of the kept signals; columns: their places among all outputs.
+    names, units: of the kept signals; columns: their places among all outputs; fmus: what the components are.
     """
 
     wiring: Wiring
     names: tuple[str, ...]
     columns: np.ndarray = field(eq=False)
+    units: Mapping[str, str]
+    fmus: tuple[Identity, ...]
 
     @classmethod
     def of(cls, wiring: Wiring, record: Sequence[str] | None) -> Timetable:
         """The signals chosen by `record` (None: all). Raises InputError for a name that fits none."""
         names = _recorded(wiring.signals, record)
         place = {name: i for i, name in enumerate(wiring.signals)}
-        return cls(wiring, tuple(names), np.array([place[name] for name in names], dtype=np.int64))
+        columns = np.array([place[name] for name in names], dtype=np.int64)
+        return cls(wiring, tuple(names), columns, {name: wiring.units[name] for name in names}, _identities(wiring))
 
     @property
     def rows(self) -> int:
@@ -164,32 +160,22 @@ class Timetable:
         experiment = self.wiring.scenario.experiment
         return experiment.steps // experiment.record_every + 1
 
-    def result(self, wiring: Wiring, table: np.ndarray, ending: Ending, wall: float) -> Result:
-        """The result of a run of `wiring`, which may differ from the timetable's in start values: table (rows, names)."""
+    def result(self, wiring: Wiring, rows: Rows, ending: Ending, wall: float) -> Result:
+        """The result of a run of `wiring`, which may differ from the timetable's in start values: rows (rows, names)."""
         experiment = wiring.scenario.experiment
-        rows = ending.steps // experiment.record_every + 1
+        count = ending.steps // experiment.record_every + 1
         early = ending.steps < experiment.steps
         return Result(
             wiring.scenario, ending.outcome or Outcome.BOUNDED,
-            np.arange(rows) * experiment.record_every * experiment.step_ns / 1_000_000_000,
-            {name: table[:rows, column] for column, name in enumerate(self.names)},
-            {name: wiring.units[name] for name in self.names},
-            seconds(ending.steps, experiment.step_ns) if early else None,
-            ending.message, wall, _identities(wiring), ending.failure, ending.interrupted,
+            np.arange(count) * experiment.record_every * experiment.step_ns / 1_000_000_000,
+            Columns(self.names, rows, count), self.units, seconds(ending.steps, experiment.step_ns) if early else None,
+            ending.message, wall, self.fmus, ending.failure, ending.interrupted,
         )  # fmt: skip
 
 
 def _identities(wiring: Wiring) -> tuple[Identity, ...]:
     found = ((name, wiring.descriptions[name]) for name in wiring.scenario.components)
     return tuple(Identity(name, d.model, d.fmi, d.path, d.sha256) for name, d in found)
-
-
-def _job(timetable: Timetable, slaves: Sequence[Slave], store: np.ndarray) -> Job:
-    wiring, experiment = timetable.wiring, timetable.wiring.scenario.experiment
-    domain = tuple(i for i, name in enumerate(wiring.signals) if name.endswith(".domain"))
-    table = np.empty((timetable.rows, len(timetable.names)))
-    return Job(wiring.schedule, slaves, store, table, timetable.columns, experiment.record_every, experiment.steps,
-               Watch(domain, experiment.bound))  # fmt: skip
 
 
 def _recorded(signals: Sequence[str], record: Sequence[str] | None) -> list[str]:

@@ -37,6 +37,9 @@ class Fmi2Slave(FmuSlave):
     def _kind(self, type_name: str) -> str:
         return "Integer" if type_name == "Enumeration" else type_name
 
+    def dtype(self, kind: str) -> np.dtype:
+        return np.dtype(float if kind == "Real" else np.int32)
+
     def _enter(self) -> None:
         from fmpy.fmi1 import FMICallException
 

@@ -40,6 +40,9 @@ class Fmi3Slave(FmuSlave):
     def _kind(self, type_name: str) -> str:
         return {"Enumeration": "Int64", "Real": "Float64"}.get(type_name, type_name)
 
+    def dtype(self, kind: str) -> np.dtype:
+        return np.dtype(_CTYPES3[kind])
+
     def _enter(self) -> None:
         from fmpy.fmi1 import FMICallException
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -101,13 +101,24 @@ class FmuSlave(Slave):
     def _kind(self, type_name: str) -> str:
         return type_name
 
+    def by_kind(self, names: Iterable[str]) -> dict[str, list[str]]:
+        """Names of variables by the FMI type that they are set and got as."""
+        kinds: dict[str, list[str]] = {}
+        for name in names:
+            kinds.setdefault(self._kind(self.description.variables[name].type), []).append(name)
+        return kinds
+
+    def dtype(self, kind: str) -> np.dtype:
+        """How numbers of an FMI type lie in memory."""
+        raise NotImplementedError
+
     def start(self, values: Mapping[str, float | str]) -> None:
         self.messages.clear()
         self.time = 0.0
         if not self.fresh:
             self.check(self.function("Reset")(self.component), "reset")
         self.fresh = False
-        for kind, names in _by_kind(values, self).items():
+        for kind, names in self.by_kind(values).items():
             self._set_values(kind, names, [values[name] for name in names])
         self._enter()
 
@@ -177,10 +188,3 @@ class FmuSlave(Slave):
 
 
 _STATUS = {2: "discarded", 3: "error", 4: "fatal error", 5: "pending"}
-
-
-def _by_kind(values: Mapping[str, float | str], slave: FmuSlave) -> dict[str, list[str]]:
-    kinds: dict[str, list[str]] = {}
-    for name in values:
-        kinds.setdefault(slave._kind(slave.description.variables[name].type), []).append(name)
-    return kinds

@@ -30,22 +30,34 @@ class FmuSet:
         self.progress = progress
         self.loaded: dict[str, FmuSlave] = {}
         self.last: _Wired | None = None
+        self.bench: list[FmuSlave] = []
+        self.memory: dict = {}  # what repeated runs keep (see cosim.master.System)
         self.wiring(scenario)
 
     def wiring(self, scenario: Scenario) -> Wiring:
         """The checked wiring of a scenario; scenarios may differ from run to run in anything. Raises InputError."""
-        if self.last is None or self.last.scenario != scenario or self.last.scenario.folder != scenario.folder:
-            wiring = restarted(self.last.wiring, scenario) if self.last else None
+        last = self.last
+        if last is None or last.scenario is not scenario and (last.scenario, last.scenario.folder) != (scenario, scenario.folder):
+            wiring = restarted(last.wiring, scenario) if last else None
+            if wiring is None:
+                self.memory.clear()
             self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
         return self.last.wiring
 
     def slaves(self, wiring: Wiring) -> list[FmuSlave]:
-        """An instance for each component, in the order of the scenario; loaded where it was not. Raises RunError."""
-        return [self._slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
+        """An instance for each component, in the order of the scenario; loaded where it was not yet. Raises RunError.
+
+        The same list as before where nothing changed.
+        """
+        found = [self._slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
+        if len(found) != len(self.bench) or any(one is not other for one, other in zip(found, self.bench)):
+            self.bench = found
+            self.memory.clear()
+        return self.bench
 
     def _slave(self, name: str, description: Description) -> FmuSlave:
         slave = self.loaded.get(name)
-        if slave is None or slave.description.sha256 != description.sha256:
+        if slave is None or slave.description is not description and slave.description.sha256 != description.sha256:
             if slave is not None:
                 slave.close()
             self.loaded[name] = load(name, description)
@@ -56,6 +68,8 @@ class FmuSet:
         for slave in self.loaded.values():
             slave.close()
         self.loaded.clear()
+        self.bench = []
+        self.memory.clear()
 
     def __enter__(self) -> FmuSet:
         return self

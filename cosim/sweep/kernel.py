@@ -21,8 +21,10 @@ from attrs import evolve, field, frozen
 
 from cosim.execution import Ending
 from cosim.master import Result, Timetable, run
+from cosim.native import Arena
 from cosim.outcome import Outcome
-from cosim.schedule import GetOutputs, SetInputs, Step, seconds
+from cosim.rows import Rows
+from cosim.schedule import seconds
 from cosim.signals import index_of, stem
 from cosim.wiring import Wiring
 
@@ -44,18 +46,6 @@ _SHARED = ("internal_steps", "workspace_limits", "interpolation")
 _CHANNEL_NEUTRAL = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
 _MOST_OUTPUTS = 12  # of a series
 _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
-
-
-class _Operation(ctypes.Structure):
-    _fields_ = [
-        ("kind", c_int64), ("component", c_int64), ("n_source", c_int64), ("n_line", c_int64), ("inside", c_int64),
-        ("source", c_void_p), ("line", c_void_p), ("newer", c_void_p), ("older", c_void_p), ("weight", c_void_p),
-        ("span", c_void_p), ("size", c_double),
-    ]  # fmt: skip
-
-
-class _Phase(ctypes.Structure):
-    _fields_ = [("operations", c_void_p), ("n_operations", c_int64), ("columns", c_void_p)]
 
 
 class _Component(ctypes.Structure):
@@ -355,22 +345,22 @@ class _Call:
         self.places = _Places.of(self.wiring, self.parts, record)
         self.experiment = self.wiring.scenario.experiment
         self.timetable = Timetable.of(self.wiring, record)
-        self.kept: list[object] = []
+        self.arena = Arena()
         self.rows = self.experiment.steps // self.experiment.record_every + 1
         self.table = np.zeros((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
         self.job = self._job()
-        self.sources = self._pointers([self._sources(part) for part in self.parts])
+        self.sources = self.arena.pointers([self._sources(part) for part in self.parts])
 
     def _job(self) -> _Job:
         schedule, n = self.wiring.schedule, len(self.places)
         components = (_Component * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
-        phases = (_Phase * len(schedule.phases))(*[self._phase(phase) for phase in schedule.phases])
-        work = self._array(np.zeros(len(self.parts) * int(_library().lane_size()) + 64, np.uint8))
+        phases = self.arena.phases(schedule.phases, self.timetable.columns, schedule.step_ns, self.places.mapped)
+        work = self.arena.array(np.zeros(len(self.parts) * int(_library().lane_size()) + 64, np.uint8))
         return _Job(
-            self._kept(components), len(self.parts), self._kept(phases), len(phases), self._array(np.zeros(2 * n * self.width)),
-            n, self._array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,
-            schedule.step_ns, self.experiment.bound, self._array(self.ended), self._array(self.outcome), (work + 63) // 64 * 64,
+            self.arena.structures(components), len(self.parts), phases, len(schedule.phases), self.arena.array(np.zeros(2 * n * self.width)),
+            n, self.arena.array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,
+            schedule.step_ns, self.experiment.bound, self.arena.array(self.ended), self.arena.array(self.outcome), (work + 63) // 64 * 64,
         )  # fmt: skip
 
     def _component(self, i: int) -> _Component:
@@ -380,10 +370,10 @@ class _Call:
         inputs = [3 * _INPUTS[part.kind].index(stem(v)) + index_of(v) - 1 for v in part.inputs]
         numbers = np.column_stack([setting.numbers[i] for setting in self.filled])
         native = _Component(
-            kind=part.kind, n_inputs=len(inputs), n_outputs=len(computed), inputs=self._indices(inputs),
-            outputs=self._indices([number for _, number in computed]),
-            places=self._indices([self.places.number[name] for name, _ in computed]),
-            numbers=self._array(np.ascontiguousarray(numbers)),
+            kind=part.kind, n_inputs=len(inputs), n_outputs=len(computed), inputs=self.arena.indices(inputs),
+            outputs=self.arena.indices([number for _, number in computed]),
+            places=self.arena.indices([self.places.number[name] for name, _ in computed]),
+            numbers=self.arena.array(np.ascontiguousarray(numbers)),
         )  # fmt: skip
         if part.kind == _ARM:
             native.internal_steps, native.workspace = int(part.number("internal_steps")), int(part.number("workspace_limits"))
@@ -397,9 +387,9 @@ class _Call:
 
     def _give_series(self, native: _Component, i: int) -> None:
         series = [setting.series[i] for setting in self.filled]
-        native.series = self._pointers([self._array(values) for values in series])
+        native.series = self.arena.pointers([self.arena.array(values) for values in series])
         native.n_series = series[0].shape[1]
-        native.series_step = self._indices([int(len(values) > 1) for values in series])
+        native.series_step = self.arena.indices([int(len(values) > 1) for values in series])
 
     def _give_history(self, native: _Component, i: int) -> None:
         longest = max(float(setting.series[i].max()) for setting in self.filled)
@@ -409,31 +399,13 @@ class _Call:
 
             raise RunError(self.parts[i].name, None, f"a delay of {longest:g} s does not fit the channel's buffer")
         native.capacity = 1 << (steps + 4).bit_length()
-        native.history = self._array(np.zeros((native.capacity, max(1, native.n_inputs), self.width)))
-        native.stamps = self._array(np.zeros(native.capacity))
+        native.history = self.arena.array(np.zeros((native.capacity, max(1, native.n_inputs), self.width)))
+        native.stamps = self.arena.array(np.zeros(native.capacity))
         native.linear = int(self.parts[i].number("interpolation") == 2)
-
-    def _phase(self, phase) -> _Phase:
-        operations = (_Operation * len(phase.operations))(*[self._operation(o) for o in phase.operations])
-        columns = self._indices(self.places.mapped(phase.record.source[self.timetable.columns]))
-        return _Phase(self._kept(operations), len(phase.operations), columns)
-
-    def _operation(self, o) -> _Operation:
-        if isinstance(o, Step):
-            return _Operation(kind=1, component=o.component, size=seconds(o.multiple, self.wiring.schedule.step_ns))
-        if isinstance(o, GetOutputs):
-            return _Operation(kind=2, component=o.component)
-        assert isinstance(o, SetInputs)
-        return _Operation(
-            kind=0, component=o.component, n_source=len(o.source), n_line=len(o.line), inside=int(bool(np.any(o.weight))),
-            source=self._indices(self.places.mapped(o.source)), line=self._indices(o.line),
-            newer=self._indices(self.places.mapped(o.newer)), older=self._indices(self.places.mapped(o.older)),
-            weight=self._array(o.weight), span=self._array(o.span),
-        )  # fmt: skip
 
     def _sources(self, part: _Part) -> int:
         source = {str(link.target): str(link.source) for link in self.wiring.links}
-        return self._indices([self.places.number[source[f"{part.name}.{v}"]] for v in part.inputs])
+        return self.arena.indices([self.places.number[source[f"{part.name}.{v}"]] for v in part.inputs])
 
     def result(self, lane: int, wall: float) -> Result:
         """The result of a lane, worded as the co-simulation would."""
@@ -442,20 +414,4 @@ class _Call:
         at = seconds(ended, self.wiring.schedule.step_ns)
         message = {Outcome.DIVERGED: f"a value passed {self.experiment.bound:g} at t = {at:.9g} s",
                    Outcome.DOMAIN_EXIT: f"an arm left the domain of its model at t = {at:.9g} s"}.get(outcome, "")  # fmt: skip
-        return self.timetable.result(self.settings[lane].wiring, self.table[lane], Ending(min(ended, steps), outcome, message), wall)
-
-    # --- arrays that C sees
-
-    def _kept(self, array: ctypes.Array) -> int:
-        self.kept.append(array)
-        return ctypes.addressof(array)
-
-    def _array(self, array: np.ndarray) -> int:
-        self.kept.append(array)
-        return array.ctypes.data
-
-    def _indices(self, values) -> int:
-        return self._array(np.ascontiguousarray(values, dtype=np.int64))
-
-    def _pointers(self, addresses: Sequence[int]) -> int:
-        return self._array(np.array(addresses, dtype=np.uintp))
+        return self.timetable.result(self.settings[lane].wiring, Rows.of(self.table[lane]), Ending(min(ended, steps), outcome, message), wall)

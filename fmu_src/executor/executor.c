@@ -1,7 +1,7 @@
 /* The compiled master loop: runs a schedule (cosim/schedule.py) over FMI instances that fmpy loaded and initialised.
  *
- * It does what cosim/master.py's executor in Python does, operation by operation and in the same order of arithmetic, so
- * both give the same bits. It allocates nothing, keeps nothing between calls, and holds no lock of Python's. All arrays
+ * It does what cosim/initialisation.py and cosim/execution.py do in Python, operation by operation and in the same order of
+ * arithmetic, so both give the same bits. It allocates nothing, keeps nothing between calls, and holds no lock of Python's. All arrays
  * belong to the caller. Whatever is unusual (an FMU's status, a value out of bounds, an arm out of its domain) ends the
  * call; the caller words it.
  */
@@ -23,6 +23,12 @@ typedef int (*Set3)(void *, const uint32_t *, size_t, const double *, size_t);
 typedef int (*Get3)(void *, const uint32_t *, size_t, double *, size_t);
 typedef int (*Step3)(void *, double, double, _Bool, _Bool *, _Bool *, _Bool *, double *);
 
+typedef int (*Call)(void *);
+typedef int (*Setup2)(void *, int, double, double, int, double);
+typedef int (*Enter3)(void *, _Bool, double, double, _Bool, double);
+typedef int (*SetAny2)(void *, const unsigned *, size_t, const void *);
+typedef int (*SetAny3)(void *, const uint32_t *, size_t, const void *, size_t);
+
 enum { SET_INPUTS, SET_SLOPES, GET_OUTPUTS, DO_STEP }; /* which call of a slave */
 
 /* One instance. The functions of the FMI version that it does not have are NULL. */
@@ -43,6 +49,28 @@ typedef struct {
     _Bool *event, *terminate, *early;
     double *reached;
 } Slave;
+
+/* Start values of one type behind one call. */
+typedef struct {
+    SetAny2 set2;
+    SetAny3 set3;
+    const uint32_t *refs;
+    const void *values;
+    int64_t n;
+} Bank;
+
+/* How an instance is started: reset where it ran before, start values, initialisation mode. */
+typedef struct {
+    Call reset;
+    Setup2 setup2;
+    Call enter2;
+    Enter3 enter3;
+    Call leave;
+    const Bank *banks;
+    int64_t n_banks;
+    const int64_t *source; /* places in the store of the instance's inputs */
+    int64_t fresh;
+} Start;
 
 enum { SET, STEP, GET }; /* kinds of operation */
 
@@ -79,14 +107,9 @@ typedef struct {
 
 enum { DONE, CALL_FAILED, ENDED, OUT_OF_BOUNDS };
 
-static int set_inputs(Slave *s, const Operation *o, const double *store, Job *job)
+/* Inputs and slopes to the instance. */
+static int hand_over(Slave *s, Job *job)
 {
-    for (int64_t i = 0; i < o->n_source; i++) s->inputs[i] = store[o->source[i]];
-    for (int64_t i = 0; i < o->n_line; i++) {
-        const double rise = store[o->newer[i]] - store[o->older[i]];
-        if (o->inside) s->inputs[o->line[i]] += o->weight[i] * rise;
-        s->slopes[i] = rise / o->span[i];
-    }
     job->call = SET_INPUTS;
     int status = 0;
     if (s->n_inputs)
@@ -98,13 +121,29 @@ static int set_inputs(Slave *s, const Operation *o, const double *store, Job *jo
                       : s->set3(s->instance, s->slope_refs, (size_t)s->n_slopes, s->slopes, (size_t)s->n_slopes);
 }
 
+static int set_inputs(Slave *s, const Operation *o, const double *store, Job *job)
+{
+    for (int64_t i = 0; i < o->n_source; i++) s->inputs[i] = store[o->source[i]];
+    for (int64_t i = 0; i < o->n_line; i++) {
+        const double rise = store[o->newer[i]] - store[o->older[i]];
+        if (o->inside) s->inputs[o->line[i]] += o->weight[i] * rise;
+        s->slopes[i] = rise / o->span[i];
+    }
+    return hand_over(s, job);
+}
+
+static int fetch(Slave *s, Job *job)
+{
+    job->call = GET_OUTPUTS;
+    if (!s->n_outputs) return 0;
+    return s->get2 ? s->get2(s->instance, s->output_refs, (size_t)s->n_outputs, s->outputs)
+                   : s->get3(s->instance, s->output_refs, (size_t)s->n_outputs, s->outputs, (size_t)s->n_outputs);
+}
+
 static int get_outputs(Slave *s, double *store, int64_t n, Job *job)
 {
     double *newest = store + s->offset, *older = store + n + s->offset;
-    job->call = GET_OUTPUTS;
-    const int status = !s->n_outputs ? 0
-        : s->get2 ? s->get2(s->instance, s->output_refs, (size_t)s->n_outputs, s->outputs)
-                  : s->get3(s->instance, s->output_refs, (size_t)s->n_outputs, s->outputs, (size_t)s->n_outputs);
+    const int status = fetch(s, job);
     if (status > 1) return status;
     for (int64_t i = 0; i < s->n_outputs; i++) {
         older[i] = newest[i];
@@ -137,6 +176,63 @@ static void record(Job *job, const int64_t *columns, int64_t done)
 {
     double *row = job->table + (size_t)((done / job->every - job->row_start) * job->n_columns);
     for (int64_t i = 0; i < job->n_columns; i++) row[i] = job->store[columns[i]];
+}
+
+static int start(const Slave *s, const Start *how)
+{
+    if (!how->fresh && how->reset(s->instance) > 1) return 0;
+    for (int64_t i = 0; i < how->n_banks; i++) {
+        const Bank *b = how->banks + i;
+        const int status = b->set2 ? b->set2(s->instance, b->refs, (size_t)b->n, b->values)
+                                   : b->set3(s->instance, b->refs, (size_t)b->n, b->values, (size_t)b->n);
+        if (status > 1) return 0;
+    }
+    if (how->enter3) return how->enter3(s->instance, 0, 0.0, 0.0, 0, 0.0) <= 1;
+    return how->setup2(s->instance, 0, 0.0, 0.0, 0, 0.0) <= 1 && how->enter2(s->instance) <= 1;
+}
+
+/* All outputs into the store: 1 where all is as before, 0 where not, -1 where an instance refuses. */
+static int collect(Job *job, int64_t n_slaves)
+{
+    int same = 1;
+    for (Slave *s = job->slaves; s < job->slaves + n_slaves; s++) {
+        if (fetch(s, job) > 1) return -1;
+        for (int64_t i = 0; i < s->n_outputs; i++) {
+            same = same && s->outputs[i] == job->store[s->offset + i];
+            job->store[s->offset + i] = s->outputs[i];
+        }
+    }
+    return same;
+}
+
+/* Starts every instance and carries outputs to inputs until nothing changes any more: 0, or 1 where an instance refuses
+ * anything (the caller starts again in Python, which says what). */
+EXPORTED int initialise(Job *job, const Start *starts, int64_t n_slaves)
+{
+    for (int64_t i = 0; i < n_slaves; i++)
+        if (!start(job->slaves + i, starts + i)) return 1;
+    for (int64_t i = 0; i < job->n_outputs; i++) job->store[i] = NAN;
+    for (int64_t round = 0; round <= n_slaves; round++) {
+        const int same = collect(job, n_slaves);
+        if (same < 0) return 1;
+        if (same) break;
+        for (int64_t i = 0; i < n_slaves; i++) {
+            Slave *s = job->slaves + i;
+            int news = !round;
+            for (int64_t k = 0; k < s->n_inputs; k++) {
+                const double value = job->store[starts[i].source[k]];
+                news = news || value != s->inputs[k];
+                s->inputs[k] = value;
+            }
+            for (int64_t k = 0; k < s->n_slopes; k++) s->slopes[k] = 0.0;
+            if (s->n_inputs && news && hand_over(s, job) > 1) return 1;
+        }
+    }
+    for (int64_t i = 0; i < n_slaves; i++)
+        if (starts[i].leave(job->slaves[i].instance) > 1) return 1;
+    if (collect(job, n_slaves) < 0) return 1;
+    for (int64_t i = 0; i < job->n_outputs; i++) job->store[job->n_outputs + i] = job->store[i];
+    return 0;
 }
 
 /* Communication steps from *done until *done == until, or until something ends the run; *done counts those completed. */

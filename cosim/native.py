@@ -1,0 +1,81 @@
+"""A schedule in the layout of the C sources (fmu_src/executor/executor.c, fmu_src/kernel/kernel.c), and arrays that C sees."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from ctypes import c_double, c_int64, c_void_p
+
+import numpy as np
+
+from cosim.schedule import GetOutputs, SetInputs, Step, seconds
+from cosim.schedule import Operation as Planned
+from cosim.schedule import Phase as PlannedPhase
+
+_SET, _STEP, _GET = range(3)
+
+
+class Operation(ctypes.Structure):
+    """An operation of cosim.schedule."""
+
+    _fields_ = [
+        ("kind", c_int64), ("component", c_int64), ("n_source", c_int64), ("n_line", c_int64), ("inside", c_int64),
+        ("source", c_void_p), ("line", c_void_p), ("newer", c_void_p), ("older", c_void_p), ("weight", c_void_p),
+        ("span", c_void_p), ("size", c_double),
+    ]  # fmt: skip
+
+
+class Phase(ctypes.Structure):
+    """A communication step: its operations, and the places that its row is taken from."""
+
+    _fields_ = [("operations", c_void_p), ("n_operations", c_int64), ("columns", c_void_p)]
+
+
+class Arena:
+    """Arrays that must outlive the calls that C makes on them; every method gives an address."""
+
+    def __init__(self) -> None:
+        self.kept: list[object] = []
+
+    def structures(self, array: ctypes.Array) -> int:
+        self.kept.append(array)
+        return ctypes.addressof(array)
+
+    def array(self, array: np.ndarray) -> int:
+        self.kept.append(array)
+        return array.ctypes.data
+
+    def indices(self, values) -> int:
+        return self.array(np.ascontiguousarray(values, dtype=np.int64))
+
+    def pointers(self, addresses: Sequence[int]) -> int:
+        return self.array(np.array(addresses, dtype=np.uintp))
+
+    def phases(
+        self, phases: Sequence[PlannedPhase], columns: np.ndarray, step_ns: int, place: Callable = lambda x: x
+    ) -> int:
+        """Phases in C's layout. columns: kept signals, places among the outputs; place: places in the schedule's store ->
+        places in C's."""
+        native = (Phase * len(phases))()
+        for one, phase in zip(native, phases):
+            operations = (Operation * len(phase.operations))(
+                *[self._operation(o, step_ns, place) for o in phase.operations]
+            )
+            one.operations, one.n_operations = self.structures(operations), len(phase.operations)
+            one.columns = self.indices(place(phase.record.source[columns]))
+        return self.structures(native)
+
+    def _operation(self, operation: Planned, step_ns: int, place: Callable) -> Operation:
+        if isinstance(operation, Step):
+            return Operation(kind=_STEP, component=operation.component, size=seconds(operation.multiple, step_ns))
+        if isinstance(operation, GetOutputs):
+            return Operation(kind=_GET, component=operation.component)
+        return self._set(operation, place)
+
+    def _set(self, o: SetInputs, place: Callable) -> Operation:
+        return Operation(
+            kind=_SET, component=o.component, n_source=len(o.source), n_line=len(o.line),
+            inside=int(bool(np.any(o.weight))), source=self.indices(place(o.source)), line=self.indices(o.line),
+            newer=self.indices(place(o.newer)), older=self.indices(place(o.older)), weight=self.array(o.weight),
+            span=self.array(o.span),
+        )  # fmt: skip

@@ -1,0 +1,107 @@
+"""The table of a run: a row a recorded communication point, a column a signal; in memory, or on disk where it is large.
+
+A large table is a memory-mapped temporary file without a name: what is written or read a block at a time leaves memory
+again, so that a long run needs no more of it than a short one. The file is gone with the table.
+"""
+
+import mmap
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+IN_MEMORY = 32 << 20
+"""Bytes up to which a table lies in memory."""
+_BLOCK = 4 << 20  # bytes handled at once
+
+
+class Rows:
+    """A table (rows, columns) of doubles. `values` is an array of it; `drop` and `blocks` keep a large one out of memory."""
+
+    def __init__(self, rows: int, columns: int, in_memory: int = IN_MEMORY) -> None:
+        size = 8 * rows * columns
+        self.file = _file(size) if size > in_memory else None
+        flat = np.empty(rows * columns) if self.file is None else np.frombuffer(self.file)
+        self.values = flat.reshape(rows, columns)
+        self.dropped = 0
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> "Rows":
+        """A table that is there already, in memory."""
+        rows = cls(0, 0)
+        rows.values = values
+        return rows
+
+    @property
+    def on_disk(self) -> bool:
+        return self.file is not None
+
+    @property
+    def block(self) -> int:
+        """Rows of a block."""
+        return max(1, _BLOCK // max(1, 8 * self.values.shape[1]))
+
+    def drop(self, done: int) -> None:
+        """Let what lies before row `done` leave memory (it stays in the file), a block at a time."""
+        if self.file is not None and done - self.dropped >= self.block:
+            self._release(self.dropped, done)
+            self.dropped = done
+
+    def blocks(self, count: int) -> Iterator[tuple[int, np.ndarray]]:
+        """The first `count` rows in blocks (first row, values); what was read leaves memory when the next is asked for."""
+        for first in range(0, count, self.block):
+            last = min(count, first + self.block)
+            yield first, self.values[first:last]
+            self._release(first, last)
+
+    def column(self, number: int, count: int, every: int = 1) -> np.ndarray:
+        """The first `count` rows of a column, every so many: a view, or a copy where the table is on disk."""
+        if self.file is None:
+            return self.values[:count:every, number]
+        found = np.empty(len(range(0, count, every)))
+        for first, values in self.blocks(count):
+            chosen = values[-first % every :: every, number]
+            at = -(-first // every)
+            found[at : at + len(chosen)] = chosen
+        return found
+
+    def _release(self, first: int, last: int) -> None:
+        if self.file is None or not hasattr(mmap, "MADV_DONTNEED"):
+            return
+        width = 8 * self.values.shape[1]
+        start, stop = first * width // mmap.PAGESIZE * mmap.PAGESIZE, last * width // mmap.PAGESIZE * mmap.PAGESIZE
+        if stop > start:
+            self.file.madvise(mmap.MADV_DONTNEED, start, stop - start)
+
+
+def _file(size: int) -> mmap.mmap:
+    """A writable mapping of a temporary file without a name. Raises OSError (disk full)."""
+    with tempfile.TemporaryFile(prefix="cosim-") as file:
+        file.truncate(size)
+        return mmap.mmap(file.fileno(), size)
+
+
+class Columns(Mapping[str, np.ndarray]):
+    """Signals by name, (n,) each, from the first n rows of a table; each is looked up when it is asked for."""
+
+    def __init__(self, names: Sequence[str], rows: Rows, count: int, every: int = 1) -> None:
+        self.names, self.rows, self.count, self.every = names, rows, count, every
+        self._place: dict[str, int] | None = None
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if self._place is None:
+            self._place = {name: i for i, name in enumerate(self.names)}
+        return self.rows.column(self._place[name], self.count, self.every)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __or__(self, other: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return dict(self) | dict(other)
+
+    def thinned(self, every: int) -> "Columns":
+        """The same signals at every so many rows."""
+        return Columns(self.names, self.rows, self.count, self.every * every)

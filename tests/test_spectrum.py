@@ -64,7 +64,7 @@ def closed_form_deviation(rng, count):
 
 
 def test_abscissa_agrees_with_tdcpy_to_1e_9():
-    assert compare(np.random.default_rng(1), 120, equal=False) < 1e-9
+    assert compare(np.random.default_rng(1), 60, equal=False) < 1e-9
 
 
 def test_boundary_agrees_with_the_closed_form_and_tdcpy_to_1e_9():

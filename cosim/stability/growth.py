@@ -127,9 +127,9 @@ def dominant_mode(time: np.ndarray, signals: np.ndarray) -> complex | None:
     found = poles(y, step)
     if found.size == 0:
         return None
-    shares = _shares(found, y, step)
+    shares = np.nan_to_num(_shares(found, y, step), nan=0.0, posinf=0.0)  # a pole out of the range of doubles carries nothing
     carrying = found[shares > 0.03 * shares.max()]
-    return complex(carrying[np.argmax(carrying.real)])
+    return complex(carrying[np.argmax(carrying.real)]) if carrying.size else None
 
 
 def _principal(signals: np.ndarray, keep: int = 4) -> np.ndarray:
@@ -167,7 +167,8 @@ def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
     size = np.linalg.norm(basis, axis=0)
     amplitude = np.linalg.lstsq(basis / size, signals.astype(complex), rcond=1e-10)[0] / size[:, None]
     late = basis[len(basis) // 2:]
-    return np.sqrt(np.mean(np.abs(late) ** 2, axis=0)) * np.linalg.norm(amplitude, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.sqrt(np.mean(np.abs(late) ** 2, axis=0)) * np.linalg.norm(amplitude, axis=1)
 
 
 # envelope ------------------------------------------------------------------------------------------------------------

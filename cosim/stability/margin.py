@@ -15,6 +15,7 @@ from cosim.stability.spectrum import DelayFamily, _gains, root_bound
 class Margins:
     """Margins of the worst characteristic locus; infinite where the locus never crosses.
 
+    Crossings at zero frequency are left out: a free loop is neutral there, and any gain of the channels alone makes it drift.
     `gain` [1] factor on the loop gain, `phase` [deg], `delay` [s] more each way until the first crossing, `crossover` [rad/s].
     """
 

@@ -122,11 +122,11 @@ def polish(system: DelaySystem, guess: complex) -> complex | None:
     return s if abs(step) <= 1e-11 * max(1.0, abs(s)) else None
 
 
-def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12) -> np.ndarray:
+def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: int = 4) -> np.ndarray:
     """Rightmost characteristic roots with real part >= `above` [1/s], polished, right to left; each conjugate pair once.
 
     Upper half plane only (imaginary part >= 0), shape (k,). Multiple roots appear once. The collocation order grows until
-    its rightmost eigenvalues are roots to 1e-6 before polishing; roots far to the left are only as complete as that.
+    its `sure` rightmost eigenvalues are roots to 1e-6 before polishing; roots far to the left are only as complete as that.
     """
     scaled = balanced(system)
     if scaled.longest == 0.0:
@@ -135,7 +135,7 @@ def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12) -> np.
     for order in _ORDERS:
         guesses = _rightmost(scaled, order, above, at_most)
         polished = [polish(scaled, guess) for guess in guesses]
-        if _resolved(guesses[:4], polished[:4]):
+        if _resolved(guesses[:sure], polished[:sure]):
             break
     kept = [complex(s.real, abs(s.imag)) for s in polished if s is not None and s.real >= above]
     return _distinct(np.array(kept, complex))
@@ -169,15 +169,17 @@ def abscissa(system: DelaySystem) -> float:
     linearisation by differences moves it a little); so are roots below 1e-5 of the loop's frequency then. -inf where no other
     root was found.
     """
-    found = roots(system)
-    if _singular_at_zero(system):
+    neutral = _neutral(system)
+    found = roots(system, at_most=neutral + 4, sure=neutral + 2)
+    if neutral:
         found = found[np.abs(found) > 1e-5 * _frequency_scale(system)]
     return float(found[0].real) if found.size else -np.inf
 
 
-def _singular_at_zero(system: DelaySystem) -> bool:
+def _neutral(system: DelaySystem) -> int:
+    """Number of structural roots at s = 0: singular values of Delta(0) below 1e-7 of the largest."""
     values = np.linalg.svd(balanced(system).characteristic(0.0), compute_uv=False)
-    return bool(values[-1] <= 1e-7 * values[0])
+    return int(np.sum(values <= 1e-7 * values[0]))
 
 
 def _frequency_scale(system: DelaySystem) -> float:

@@ -90,7 +90,8 @@ class Bracket:
 def narrow(brackets: list[Bracket], tolerance: float, rounds: int = 60) -> Generator[Places, list[float], list[np.ndarray]]:
     """Zeros inside brackets by the Illinois method (Dowell and Jarratt 1971), all brackets together, one value each a round.
 
-    A bracket is done when the next estimate is closer than a third of the tolerance to the last place, or is that short.
+    A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that to the last
+    place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of the secant means nothing).
     """
     hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
     for _ in range(rounds):
@@ -111,7 +112,8 @@ class _Hunt:
         self.length = float(np.linalg.norm(bracket.high - bracket.low))
         self.tolerance = tolerance / 3.0
         self.a, self.b, self.fa, self.fb = 0.0, 1.0, bracket.at_low, bracket.at_high
-        self.last, self.side, self.done = None, 0, self.length < self.tolerance
+        self.ends = (abs(bracket.at_low), abs(bracket.at_high))
+        self.side, self.done = 0, self.length < self.tolerance
 
     def share(self) -> float:
         """Next estimate: the secant, kept off the ends by a hundredth."""
@@ -127,6 +129,8 @@ class _Hunt:
         """Take the rate at the estimate; an unknown one (NaN) is taken for stable, so that the hunt ends."""
         share = self.share()
         value = value if np.isfinite(value) else -abs(self.fa)
+        smooth = abs(value) <= 0.2 * min(self.ends)
+        self.ends = (abs(value), self.ends[1]) if not opposite(self.fa, value) else (self.ends[0], abs(value))
         if not opposite(self.fa, value):
             self.fb *= 0.5 if self.side == 1 else 1.0
             self.a, self.fa, self.side = share, value, 1
@@ -134,7 +138,7 @@ class _Hunt:
             self.fa *= 0.5 if self.side == -1 else 1.0
             self.b, self.fb, self.side = share, value, -1
         moved = abs(self.share() - share) * self.length
-        self.done = moved < self.tolerance or (self.b - self.a) * self.length < self.tolerance
+        self.done = (smooth and moved < self.tolerance) or (self.b - self.a) * self.length < self.tolerance
 
 
 # two dimensions ------------------------------------------------------------------------------------------------------

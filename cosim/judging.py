@@ -9,10 +9,14 @@ from attrs import evolve
 from cosim.execution import Progress
 from cosim.master import Result, System, run
 from cosim.outcome import Outcome
+from cosim.rows import stacked
 from cosim.scenario import Scenario, with_parameters
+from cosim.signals import stem
 from cosim.stability.verdict import judge, perturbation
 from cosim.summary import Judged, number, tracking
 from cosim.wiring import Wiring
+
+_ROWS = 100_000  # that a verdict looks at, at most twice as many
 
 
 def twin_of(wiring: Wiring) -> Scenario | None:
@@ -52,6 +56,15 @@ def _rates(result: Result) -> list[str]:
     return [name for name in result.signals if name.rpartition(".")[2].split("[")[0] in ("q", "dq", "saturated")]
 
 
+def _thinned(result: Result, every: int) -> Result:
+    """Every so many rows of what the verdict reads."""
+    if every == 1:
+        return result
+    names = [*_rates(result), *(name for name in result.signals if stem(name) == "operator.f")]
+    values = stacked(result.signals, names, every)
+    return evolve(result, time=result.time[::every], signals=dict(zip(names, values.T)))
+
+
 def _with_verdict(plain: Judged, twin: Result) -> Judged:
     if twin.interrupted or twin.outcome is Outcome.FAILED:
         return evolve(
@@ -59,7 +72,8 @@ def _with_verdict(plain: Judged, twin: Result) -> Judged:
             notes=plain.notes + (f"no verdict: the twin run ended early ({twin.message})",),
             interrupted=twin.interrupted,
         )
-    verdict = judge(plain.result, twin)
+    every = len(plain.result.time) // _ROWS + 1
+    verdict = judge(_thinned(plain.result, every), _thinned(twin, every))
     interval = tuple(number(v) for v in verdict.interval)
     return evolve(
         plain,

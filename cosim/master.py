@@ -17,7 +17,7 @@ from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.execution import Ending, Executor, Job, Progress, Watch
 from cosim.initialisation import initialise
 from cosim.outcome import Outcome
-from cosim.rows import Columns, Rows
+from cosim.rows import Columns, Rows, stacked
 from cosim.scenario import Scenario
 from cosim.schedule import seconds
 from cosim.signals import stem
@@ -61,7 +61,7 @@ class Result:
         names = [key for key in self.signals if key == name or stem(key) == name]
         if not names:
             raise InputError(Problem("signal", "a recorded signal", repr(name), did_you_mean(name, map(stem, self.signals))))
-        return np.column_stack([self.signals[key] for key in names])
+        return stacked(self.signals, names)
 
 
 class System(Protocol):

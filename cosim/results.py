@@ -17,6 +17,7 @@ import numpy as np
 from cosim.errors import InputError, Problem
 from cosim.master import Identity, Result
 from cosim.outcome import Outcome
+from cosim.rows import blocks
 from cosim.scenario import load_text, to_toml
 from cosim.signals import grouped
 
@@ -79,12 +80,17 @@ def _write(file, result: Result) -> None:
         file.attrs[key] = value if isinstance(value, (str, int)) else json.dumps(value)
     file.attrs["signals"] = json.dumps(list(result.signals))
     file.create_dataset("time", data=result.time).attrs["unit"] = "s"
+    places, count = {name: k for k, name in enumerate(result.signals)}, len(result.time)
+    written = []
     for name, elements in grouped(result.signals).items():
         component, _, variable = name.partition(".")
-        values = np.column_stack([result.signals[element] for element in elements])
-        data = file.create_dataset(f"signals/{component}/{variable}", data=values)
+        data = file.create_dataset(f"signals/{component}/{variable}", (count, len(elements)), dtype=float)
         data.attrs["unit"] = result.units[elements[0]]
         data.attrs["elements"] = json.dumps([element.partition(".")[2] for element in elements])
+        written.append((data, [places[element] for element in elements]))
+    for first, values in blocks(result.signals):
+        for data, chosen in written:
+            data[first : first + len(values)] = values[:, chosen]
 
 
 def read_h5(path: Path | str) -> Result:
@@ -126,11 +132,11 @@ def export_csv(result: Result, path: Path | str) -> Path:
     """Write the signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, a line per row, 17 digits."""
     path = Path(path)
     header = ",".join(["time [s]"] + [f"{name} [{result.units[name]}]" for name in result.signals])
-    table = np.column_stack([result.time, *result.signals.values()])
     with open(path, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(header + "\n")
-        for row in table.tolist():
-            stream.write(",".join(map(repr, row)) + "\n")
+        for first, values in blocks(result.signals):
+            for row in np.column_stack([result.time[first : first + len(values)], values]).tolist():
+                stream.write(",".join(map(repr, row)) + "\n")
     return path
 
 

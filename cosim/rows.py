@@ -54,16 +54,12 @@ class Rows:
             yield first, self.values[first:last]
             self._release(first, last)
 
-    def column(self, number: int, count: int, every: int = 1) -> np.ndarray:
-        """The first `count` rows of a column, every so many: a view, or a copy where the table is on disk."""
+    def columns(self, which, count: int, every: int = 1) -> np.ndarray:
+        """Every so many of the first `count` rows of a column (its number), or of several: copies where the table is on
+        disk, else a view of a single one."""
         if self.file is None:
-            return self.values[:count:every, number]
-        found = np.empty(len(range(0, count, every)))
-        for first, values in self.blocks(count):
-            chosen = values[-first % every :: every, number]
-            at = -(-first // every)
-            found[at : at + len(chosen)] = chosen
-        return found
+            return self.values[:count:every, which]
+        return np.concatenate([values[-first % every :: every, which].copy() for first, values in self.blocks(count)])
 
     def _release(self, first: int, last: int) -> None:
         if self.file is None or not hasattr(mmap, "MADV_DONTNEED"):
@@ -88,10 +84,13 @@ class Columns(Mapping[str, np.ndarray]):
         self.names, self.rows, self.count, self.every = names, rows, count, every
         self._place: dict[str, int] | None = None
 
-    def __getitem__(self, name: str) -> np.ndarray:
+    def _number(self, name: str) -> int:
         if self._place is None:
             self._place = {name: i for i, name in enumerate(self.names)}
-        return self.rows.column(self._place[name], self.count, self.every)
+        return self._place[name]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.rows.columns(self._number(name), self.count, self.every)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
@@ -102,6 +101,28 @@ class Columns(Mapping[str, np.ndarray]):
     def __or__(self, other: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         return dict(self) | dict(other)
 
-    def thinned(self, every: int) -> "Columns":
-        """The same signals at every so many rows."""
-        return Columns(self.names, self.rows, self.count, self.every * every)
+    def stacked(self, names: Sequence[str], every: int = 1) -> np.ndarray:
+        """Several signals at every so many rows, (n, names), read in one go."""
+        return self.rows.columns([self._number(name) for name in names], self.count, self.every * every)
+
+    def blocks(self) -> Iterator[tuple[int, np.ndarray]]:
+        """All signals, (n, signals), a block of rows at a time with the number of its first row."""
+        if self.every != 1:
+            yield 0, self.stacked(self.names)
+            return
+        yield from self.rows.blocks(self.count)
+
+
+def stacked(signals: Mapping[str, np.ndarray], names: Sequence[str], every: int = 1) -> np.ndarray:
+    """Several signals at every so many rows, (n, names)."""
+    if isinstance(signals, Columns):
+        return signals.stacked(names, every)
+    return np.column_stack([np.asarray(signals[name])[::every] for name in names])
+
+
+def blocks(signals: Mapping[str, np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
+    """All signals, (n, signals), a block of rows at a time with the number of its first row."""
+    if isinstance(signals, Columns):
+        yield from signals.blocks()
+    elif signals:
+        yield 0, stacked(signals, list(signals))

@@ -47,8 +47,9 @@ def tracking(result: Result) -> Tracking | None:
 
 def limit_time(result: Result) -> float | None:
     """When an actuator first was at its limit [s]; None if never."""
-    for name, values in result.signals.items():
-        if name.endswith(".saturated") and np.any(values > 0.5):
+    for name in (name for name in result.signals if name.endswith(".saturated")):
+        values = result.signals[name]
+        if np.any(values > 0.5):
             return float(result.time[int(np.argmax(values > 0.5))])
     return None
 

@@ -1,6 +1,7 @@
 """Figures and report of one run: tracking, forces, delays, tip path, wiring."""
 
 import numpy as np
+from attrs import evolve
 
 from cosim.master import Result
 from cosim.outcome import Outcome
@@ -9,6 +10,7 @@ from cosim.plots.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, figure
 from cosim.plots.wiring import block_diagram, milliseconds
 from cosim.report import Figure, Report, Section, Table, cell
 from cosim.results import provenance
+from cosim.rows import Columns, stacked
 from cosim.signals import grouped, stem
 from cosim.summary import Judged, limit_time
 from cosim.wiring import direction_table, vector_starts
@@ -19,7 +21,8 @@ _BAD = {Outcome.GROWING, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, Outcome.FAILED}
 
 
 def run_report(judged: Judged) -> Report:
-    """The report of a run."""
+    """The report of a run; one that is too long for memory is shown by some ten thousand of its rows."""
+    judged = evolve(judged, result=_shown(judged.result))
     result = judged.result
     sections = [
         _found(judged),
@@ -39,6 +42,14 @@ def run_report(judged: Judged) -> Report:
         provenance(result),
         mood,
     )
+
+
+def _shown(result: Result) -> Result:
+    if not isinstance(result.signals, Columns) or not result.signals.rows.on_disk:
+        return result
+    every, names = len(result.time) // 20_000 + 1, list(result.signals)
+    values = stacked(result.signals, names, every)
+    return evolve(result, time=result.time[::every], signals=dict(zip(names, values.T)))
 
 
 # --- words and tables

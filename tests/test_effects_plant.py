@@ -113,10 +113,8 @@ def test_columns_are_the_torque_of_the_fmu_parameters(effect, joints, theta):
     columns = effect.columns(s, joints, theta)
     count = next(iter(columns.values())).shape[1]
     beta = np.array([3e-3, -2e-3, 1e-3, 2e-3])[:count]
-    if effect.name in ("external_contact", "friction_drift", "load_friction", "torque_gain"):
-        beta = np.array(
-            [{"external_contact": 200.0, "friction_drift": 0.02, "load_friction": 0.1, "torque_gain": 0.1}[effect.name]]
-        )
+    sizes = {"external_contact": (200.0, 0.5), "friction_drift": (0.02,), "load_friction": (0.1,), "torque_gain": (0.1,)}
+    beta = np.array(sizes.get(effect.name, beta))
     estimate = SimpleNamespace(beta=beta, theta=theta, joints=joints, scene=s)
     parameters = effect.parameters(estimate)
     known = {re.sub(r"\[\d+\]", "", name) for name in parameters}

@@ -14,7 +14,6 @@ from cosim.effects import Effect
 LISTED = 2  # alternatives named beside an effect; more are told in its evidence
 NEAR = 1.0  # standard errors
 REACHED = 0.92  # share of the chosen effect's gain from which on a rival counts as not told apart: the rest is form, not evidence
-DECLARED = 0.75  # the same for effects that physics makes alike
 
 
 @frozen(eq=False)
@@ -76,9 +75,10 @@ def _reached(rest: Model, chosen: Evidence, other: Evidence) -> float:
 
 def indistinguishable(chosen: Effect, found: Sequence[Rival]) -> tuple[Rival, ...]:
     """The rivals that no motion tells from the effect, then those within one standard error or of nearly the same gain, one of a name."""
-    alike = {alias.name: alias.always for alias in chosen.aliases}
-    always = [r for r in found if alike.get(r.evidence.name)]
-    close = [r for r in found if r.worse <= NEAR or r.reached >= (DECLARED if r.evidence.name in alike else REACHED)]
+    alike = {alias.name: alias for alias in chosen.aliases}
+    always = [r for r in found if r.evidence.name in alike and alike[r.evidence.name].always]
+    reach = {name: alias.reach for name, alias in alike.items()}
+    close = [r for r in found if r.worse <= NEAR or r.reached >= reach.get(r.evidence.name, REACHED)]
     first: dict[str, Rival] = {}
     for rival in (*always, *close):
         first.setdefault(rival.evidence.name, rival)

@@ -74,7 +74,9 @@ def _torque(closure: Closure) -> dict:
     return {
         "metric": "rms_percent", "rows": "held_out", "before": _numbers(e.before), "after": _numbers(e.after),
         "interval": [_numbers(pair) for pair in e.interval], "floor": _numbers(closure.floor or (None,) * count),
-        "moving_rows": {"before": _numbers(e.moving_before), "after": _numbers(e.moving_after), "share": _numbers(e.share_moving)},
+        "of_them": "rows on which the joint moves: no standstill, no reversal within the filter's reach",
+        "share_of_held_out_rows": _numbers(e.share_moving),
+        "with_reversals": {"before": _numbers(e.all_before), "after": _numbers(e.all_after)},
         "fitted_rows": {"before": _numbers(e.fitted_before), "after": _numbers(e.fitted_after)},
     }  # fmt: skip
 
@@ -85,7 +87,8 @@ def _replay(closure: Closure) -> dict | None:
         return None
     return {
         "metric": "rms_percent of torque", "kind": r.kind, "before": _numbers(r.before), "after": _numbers(r.after),
-        "interval": [_numbers(pair) for pair in r.interval], "position_before": _numbers(r.position_before),
+        "interval": [_numbers(pair) for pair in r.interval],
+        "unfiltered": {"before": _numbers(r.raw_before), "after": _numbers(r.raw_after)}, "position_before": _numbers(r.position_before),
         "position_after": _numbers(r.position_after), "runs": list(r.runs),
     }  # fmt: skip
 

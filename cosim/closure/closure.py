@@ -91,7 +91,7 @@ def _completed(recording: Recording, before: Model, selection: Selection, verdic
 
 
 def _no_worse(verdict: Verdict, before: Model) -> Verdict:
-    """Nothing is added that makes held-out rows of its joints worse, moving rows and all rows alike: no correction, no names."""
+    """Nothing is added that makes held-out rows of its joints worse, with reversals and without: no correction, no names."""
     if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=verdict.model)
     joints = {j - 1 for f in verdict.findings for j in f.joints}
@@ -103,8 +103,8 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
 
 
 def _worse(error: TorqueError, joints: set[int]) -> bool:
-    pairs = [(error.before[j], error.after[j], error.moving_before[j], error.moving_after[j]) for j in joints]
-    return any(after > 1.01 * before and moving_after > 1.01 * moving for before, after, moving, moving_after in pairs)
+    pairs = [(error.before[j], error.after[j], error.all_before[j], error.all_after[j]) for j in joints]
+    return any(after > 1.01 * before and all_after > 1.01 * every for before, after, every, all_after in pairs)
 
 
 def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:
@@ -153,6 +153,9 @@ def _warnings(before: Model, verdict: Verdict) -> list[str]:
     share = 1 - rows.moving.mean(axis=0)
     out += [f"joint {j + 1}: {100 * s:.0f} % of the rows are near a standstill or a reversal and were left out of the fit"
             for j, s in enumerate(share) if s > 0.3]  # fmt: skip
+    if before.skew > 0:
+        out.append(f"the recorded torque acts {1e3 * before.skew:.3g} ms late ({before.skew / motion.sample:.2g} samples): taken as sampling, "
+                   "not as an effect")  # fmt: skip
     out += _range_warnings(motion)
     lags = [f for f in verdict.findings if f.name in ("actuator_lag", "time_delay")]
     if lags:
@@ -185,7 +188,8 @@ def _replayed(closure: Closure, options: Options) -> Closure:
 
     step = closure.before.setting.motion.sample
     try:
-        result = replay(closure.recording, without_hold(closure.values_before, step), without_hold(closure.values_after, step))
+        result = replay(closure.recording, without_hold(closure.values_before, step), without_hold(closure.values_after, step),
+                        closure.before.setting.motion.widths.total)  # fmt: skip
     except (InputError, RunError) as error:
         return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))
     return evolve(closure, replay=result, warnings=(*closure.warnings, *(result.warnings if result else ())))

@@ -43,6 +43,14 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
     return tuple(sorted(found, key=lambda leftover: leftover.evidence.error()))
 
 
+def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
+    """Evidence for every dependence of one joint added to a model by itself; functions of time, which fit anything slow, left out."""
+    kinds = [kind for kind in dependences(base.scene) if not kind.local]
+    normal = Normal(base)
+    found = (weighed(base, kind, joint, len(kinds), normal) for kind in kinds)
+    return tuple(e for e in found if e is not None)
+
+
 def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Normal | None = None) -> Evidence | None:
     """The evidence for one dependence; None where its basis lies within the model."""
     candidate = screened(model, normal or Normal(model), kind, (joint,))

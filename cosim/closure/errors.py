@@ -10,16 +10,17 @@ BURN = 3.5  # filter widths at the ends of runs that are never judged
 
 @frozen(eq=False)
 class TorqueError:
-    """RMS% of the held-out rows per joint: `before`, `after`, 95 % interval of `after`; the same on moving rows only and on fitted rows.
+    """RMS% of the held-out rows per joint on which the joint moves: `before`, `after`, 95 % interval of `after`; on fitted rows alike.
 
-    Rows at which a joint rests are not judged: static friction takes any value there. Reversals are. `share_rest`: rests.
+    At a standstill static friction takes any value, and within a filter's reach of a reversal its direction is not known: no model of
+    motion is judged there. `all_before`, `all_after` include reversals, but not rests. share_moving, share_rest: of the held-out rows.
     """
 
     before: tuple[float, ...]
     after: tuple[float, ...]
     interval: tuple[tuple[float, float], ...]
-    moving_before: tuple[float, ...]
-    moving_after: tuple[float, ...]
+    all_before: tuple[float, ...]
+    all_after: tuple[float, ...]
     fitted_before: tuple[float, ...]
     fitted_after: tuple[float, ...]
     share_moving: tuple[float, ...]
@@ -27,16 +28,16 @@ class TorqueError:
 
 
 def torque_error(before: Model, after: Model) -> TorqueError:
-    """100 sqrt(sum r^2 / sum tau^2) of filtered torque; rows at reversals included except where `moving` says so."""
+    """100 sqrt(sum r^2 / sum tau^2) of filtered torque."""
     held, moving, rest = before.setting.rows.test, before.setting.rows.moving.T, _resting(before)
     every = _inside(before) & ~rest
     rows, fitted = every & held, every & ~held
     if not rows.any():
         rows = fitted
     return TorqueError(
-        before=_percent(before, rows), after=_percent(after, rows), interval=_interval(after, rows),
-        moving_before=_percent(before, rows & moving), moving_after=_percent(after, rows & moving),
-        fitted_before=_percent(before, fitted), fitted_after=_percent(after, fitted),
+        before=_percent(before, rows & moving), after=_percent(after, rows & moving), interval=_interval(after, rows & moving),
+        all_before=_percent(before, rows), all_after=_percent(after, rows),
+        fitted_before=_percent(before, fitted & moving), fitted_after=_percent(after, fitted & moving),
         share_moving=tuple(float(m) for m in (rows & moving).sum(axis=1) / np.maximum(rows.sum(axis=1), 1)),
         share_rest=tuple(float(m) for m in (rest & held).sum(axis=1) / max(held.sum(), 1)),
     )  # fmt: skip

@@ -56,10 +56,9 @@ def find_laws(recording: Recording) -> tuple[Law, ...] | None:
     runs = [run for run in recording.runs if run.train.any()]
     if not runs or any(run.q_ref is None for run in runs):
         return None
-    ways = [(samples, 0.0) for samples in SAMPLES]
-    best = _best(runs, ways)
-    if max(law.left for law in best) > 0.5:
-        best = _best(runs, [*ways, *((1, cutoff) for cutoff in CUTOFFS[1:])])
+    plain = _best(runs, [(samples, 0.0) for samples in SAMPLES])
+    slow = _best(runs, [(1, cutoff) for cutoff in CUTOFFS[1:]])
+    best = slow if sum(law.left for law in slow) < 0.9 * sum(law.left for law in plain) else plain
     return best if max(law.left for law in best) < CLOSE else None
 
 

@@ -47,12 +47,12 @@ def _errors(closure: Closure) -> Section | None:
         return None
     labels = closure.recording.joints
     floor = closure.floor or (None,) * len(labels)
-    rows = [(label, e.before[j], e.after[j], f"{e.interval[j][0]:.3g} to {e.interval[j][1]:.3g}", floor[j], e.moving_before[j],
-             e.moving_after[j], e.fitted_before[j], e.fitted_after[j]) for j, label in enumerate(labels)]  # fmt: skip
-    header = ("joint", "before", "after", "95 % interval", "floor", "before, moving rows", "after, moving rows", "before, fitted rows",
+    rows = [(label, e.before[j], e.after[j], f"{e.interval[j][0]:.3g} to {e.interval[j][1]:.3g}", floor[j], e.all_before[j],
+             e.all_after[j], e.fitted_before[j], e.fitted_after[j]) for j, label in enumerate(labels)]  # fmt: skip
+    header = ("joint", "before", "after", "95 % interval", "floor", "before, with reversals", "after, with reversals", "before, fitted rows",
               "after, fitted rows")  # fmt: skip
     text = ("RMS of the residual as a share of the RMS of the measured torque (Taati Eq. 15), both filtered alike, on held-out rows. "
-            "Moving rows leave out standstill and reversals, where the direction of friction is not known. The floor is what repeats of one "
+            "Standstill and reversals are left out: the direction of friction is not known there; beside it the error with reversals. The floor is what repeats of one "
             "motion differ by; a dash where the recording holds none.")  # fmt: skip
     figure = Figure(plots.error_bars(e.before, e.after, e.interval, floor, labels), "Held-out error of the torque")
     return Section("Error before and after", text, [Table(header, rows, "RMS error of the torque [%]")], [figure])

@@ -36,7 +36,7 @@ LAGS = ("actuator_lag", "time_delay")
 class Replay:
     """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2).
 
-    smooth_before, smooth_after: the same of smoothed torques; position_before, position_after: RMS of q [rad or m].
+    Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q [rad or m].
     time, tau, tau_before, tau_after (n, nj): the last run judged, for figures.
     """
 
@@ -44,8 +44,8 @@ class Replay:
     before: tuple[float, ...]
     after: tuple[float, ...]
     interval: tuple[tuple[float, float], ...]
-    smooth_before: tuple[float, ...]
-    smooth_after: tuple[float, ...]
+    raw_before: tuple[float, ...]
+    raw_after: tuple[float, ...]
     position_before: tuple[float, ...]
     position_after: tuple[float, ...]
     runs: tuple[str, ...]
@@ -76,8 +76,8 @@ class _Path:
 def replay(recording: Recording, before: Mapping[str, object], after: Mapping[str, object], width: float = 8e-3) -> Replay | None:
     """Replay every run that has held-out rows with two sets of start values of the drive's FMU (scalars or lists).
 
-    The smoothed errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s]: the recorded torque holds
-    the noise of its encoder and amplifier, the replay does not.
+    Errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s], as for the torque error: the recorded
+    torque holds the noise of its encoder and amplifier, the replay does not.
     The model is AxisDrive for device "axis" and PhantomArm for device "phantom"; None for device "regressor".
     Raises InputError where an FMU has no such parameter, RunError where it fails.
     """
@@ -234,9 +234,9 @@ def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float)
     last = compared[-1]
     return Replay(
         kind="guided" if compared[0].path.guided else "closed loop",
-        before=_percent(before[keep], tau[keep]), after=_percent(after[keep], tau[keep]),
-        interval=_interval(after[keep] - tau[keep], tau[keep], size),
-        smooth_before=_percent(calm[1][keep], calm[0][keep]), smooth_after=_percent(calm[2][keep], calm[0][keep]),
+        before=_percent(calm[1][keep], calm[0][keep]), after=_percent(calm[2][keep], calm[0][keep]),
+        interval=_interval(calm[2][keep] - calm[0][keep], calm[0][keep], size),
+        raw_before=_percent(before[keep], tau[keep]), raw_after=_percent(after[keep], tau[keep]),
         position_before=_rms(q_before[keep] - q[keep]), position_after=_rms(q_after[keep] - q[keep]),
         runs=tuple(c.path.run.name for c in compared), laws=laws, warnings=_notes(compared, laws, float(np.mean(~keep))),
         time=last.path.run.time, tau=last.path.run.tau, tau_before=last.before, tau_after=last.after,

@@ -7,7 +7,7 @@ from attrs import evolve, frozen
 
 from cosim.closure.candidates import Candidate, screen
 from cosim.closure.evidence import Evidence, relative_error, weigh
-from cosim.closure.model import Choice, Model, settled, with_choices
+from cosim.closure.model import Choice, Model, evolve_model, settled, train_error, with_choices
 from cosim.effects import Effect
 
 
@@ -105,9 +105,38 @@ def polished(model: Model) -> Model:
         model = with_choices(settled(with_choices(model, choices)), choices, passes=2)
         better = tuple(_refined(model, k) for k in range(len(choices)))
         if better == choices:
-            return model
+            break
         choices = better
-    return with_choices(model, choices, passes=2)
+    model = with_choices(model, choices, passes=2)
+    for number, choice in enumerate(choices):
+        if choice.effect.continuous(choice.theta) and len(choice.joints) == 1 and choice.effect.sharp:
+            model = _together(model, number)
+    return with_choices(model, model.choices, passes=2)
+
+
+def _together(model: Model, number: int) -> Model:
+    """The model with an effect's nonlinear parameters and the width of its joint's friction law moved together (Nelder, Mead 1965).
+
+    Both shape friction at low speed; one after the other they get stuck in the valley between them.
+    """
+    from scipy.optimize import minimize
+
+    choice, joint = model.choices[number], model.choices[number].joints[0]
+    free = choice.effect.continuous(choice.theta)
+
+    def moved(x: np.ndarray) -> Model:
+        theta = choice.theta
+        for index, step in zip(free, x, strict=False):
+            theta = choice.effect.moved(theta, index, float(np.clip(step, -0.6, 2.0)))
+        law = evolve(model.laws[joint], width=model.laws[joint].width * float(np.exp(np.clip(x[-1], -2, 2))))
+        changed = evolve_model(model, laws=tuple(law if j == joint else old for j, old in enumerate(model.laws)))
+        return with_choices(changed, tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices)), passes=0)
+
+    start = np.zeros(len(free) + 1)
+    simplex = np.vstack([start, *(0.15 * row for row in np.eye(len(start)))])
+    found = minimize(lambda x: train_error(moved(x)), start, method="Nelder-Mead",
+                     options={"initial_simplex": simplex, "maxfev": 45, "xatol": 3e-3, "fatol": 1e-6 * train_error(model)})  # fmt: skip
+    return moved(found.x)
 
 
 def _refined(model: Model, number: int) -> Choice:

@@ -4,17 +4,21 @@ from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from cosim.closure.aliases import LISTED, Rival, indistinguishable, rivals
-from cosim.closure.dependence import Leftover, corrected, leftovers
-from cosim.closure.evidence import Evidence
+from cosim.closure.candidates import Candidate
+from cosim.closure.dependence import Leftover, corrected, in_place, leftovers
+from cosim.closure.evidence import Evidence, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished
 from cosim.effects import Effect, Estimate
 
-NAMED_SHARE = 0.9  # of what can be explained at all has to be explained by the named effects of a joint
+NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
+MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
+STEADY = 1.5  # factor by which a coefficient may change beside it
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
+FORM = 0.02  # of a value that filter and form of the friction law alone can change (tests/rig): a standard deviation of its own
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
@@ -86,7 +90,7 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     model = selection.model
     progress("looking for what is left in the residual")
     left = leftovers(model, rule)
-    reasons = _withdrawals(selection.before, model, left, rule)
+    reasons = _withdrawals(model, left, rule)
     progress("comparing each effect with its rivals")
     findings = [finding(model, k, effects, rule, selection.trials) for k in range(len(model.choices))]
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
@@ -107,38 +111,60 @@ def _answer(kept, withdrawn, left, model: Model) -> Verdict:
     return Verdict(answer, ordered, withdrawn, left, model, best)
 
 
-def _withdrawals(before: Model, model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[int, str]:
+def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[int, str]:
     """Choices (by number) whose name does not hold, and why."""
     out = {}
     for joint in {j for c in model.choices for j in c.joints}:
         numbers = [k for k, c in enumerate(model.choices) if c.joints == (joint,)]
         if not numbers:
             continue
-        if reason := _unnamed_better(before, model, joint, numbers, left, rule):
+        base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
+        here = [leftover for leftover in left if leftover.joint == joint]
+        reason = _too_much_left(base, model, here, numbers, rule) or _unnamed_better(base, model, joint)
+        if reason:
             out |= dict.fromkeys(numbers, reason)
     return out
 
 
-def _unnamed_better(before: Model, model: Model, joint: int, numbers: list[int], left, rule: Rule) -> str:
-    """Why the named effects of a joint do not explain it: too much is left, or one nameless function does clearly better."""
-    here = [leftover for leftover in left if leftover.joint == joint]
+def _too_much_left(base: Model, model: Model, here: list[Leftover], numbers: list[int], rule: Rule) -> str:
+    """Whether a nameless function explains a good part of what the names leave."""
     if not here:
         return ""
-    base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
-    error = [_joint_error(m, joint) for m in (base, model, here[0].evidence.model)]
-    named, possible = (error[0] - error[1]).sum(), max((error[0] - error[2]).sum(), 1e-300)
-    if named < NAMED_SHARE * possible:
-        return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {joint + 1}; "
-                f"{' and '.join(here[0].signals)} explains the rest without a name")  # fmt: skip
-    if named > SETTLED * possible:
+    joint = here[0].joint
+    without, names, both = (_joint_error(m, joint).sum() for m in (base, model, here[0].evidence.model))
+    named, possible = without - names, max(without - both, 1e-300)
+    if named >= NAMED_SHARE * possible:
         return ""
-    rival = min((with_choices(base, (*base.choices, x.evidence.candidate.choice)) for x in here),
-                key=lambda m: _joint_error(m, joint).sum())  # fmt: skip
-    difference = error[1] - _joint_error(rival, joint)
+    if named >= MOST * possible and all(_stands_beside(model, k, here[0], rule) for k in numbers):
+        return ""
+    return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {joint + 1}; "
+            f"{' and '.join(here[0].signals)} explains the rest without a name")  # fmt: skip
+
+
+def _stands_beside(model: Model, number: int, leftover: Leftover, rule: Rule) -> bool:
+    """Whether a name keeps its evidence and its coefficients when the nameless function has been given its part first."""
+    choice = model.choices[number]
+    others = tuple(c for k, c in enumerate(model.choices) if k != number)
+    rest = with_choices(model, (*others, leftover.evidence.candidate.choice))
+    beside = weigh(rest, Candidate(choice, 0.0, np.zeros(0), 1), 1)
+    alone = model.fit.beta[model.coefficients(number)]
+    strong = np.abs(alone) > 0.3 * np.abs(alone).max()
+    ratio = beside.beta[strong] / alone[strong]
+    return not rule.refusal(beside) and bool((ratio > 1 / STEADY).all() and (ratio < STEADY).all())
+
+
+def _unnamed_better(base: Model, model: Model, joint: int) -> str:
+    """Whether one nameless function in the place of all names of the joint does clearly better than they."""
+    error, without = _joint_error(model, joint), _joint_error(base, joint).sum()
+    rival = min((e.model for e in in_place(base, joint)), key=lambda m: _joint_error(m, joint).sum(), default=None)
+    if rival is None:
+        return ""
+    other = _joint_error(rival, joint)
+    if without - error.sum() > SETTLED * (without - other.sum()) or other.sum() > LOWER * error.sum():
+        return ""
+    difference = error - other
     t = difference.mean() / max(difference.std(ddof=1) / np.sqrt(len(difference)), 1e-300)
-    if t > BETTER and _joint_error(rival, joint).sum() < LOWER * error[1].sum():
-        return f"a smooth function of {' and '.join(rival.choices[-1].effect.signals)} does clearly better (t = {t:.1f})"
-    return ""
+    return f"a smooth function of {' and '.join(rival.choices[-1].effect.signals)} does clearly better (t = {t:.1f})" if t > BETTER else ""
 
 
 def _joint_error(model: Model, joint: int) -> np.ndarray:
@@ -159,7 +185,7 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
     choice, part = model.choices[number], model.coefficients(number)
     beta, cov, theta_std = model.fit.beta[part], model.fit.cov[part, part], np.zeros(len(choice.theta))
     free = choice.effect.continuous(choice.theta)
-    if free:
+    if free or choice.effect.sharp:
         beta_cov = _with_tangents(model, number, free)
         k = len(beta)
         cov = beta_cov[:k, :k]
@@ -167,6 +193,8 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
             theta_std[index] = np.sqrt(max(beta_cov[k + place, k + place], 0.0))
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
     t = _quantile(model)
+    std = np.hypot(std, FORM * np.abs(beta))
+    theta_std = np.hypot(theta_std, FORM * np.abs(choice.theta) * np.isin(np.arange(len(choice.theta)), free))
 
     def read(b, th) -> dict[str, float]:
         return choice.effect.parameters(Estimate(b, std, tuple(th), choice.joints, model.scene))
@@ -192,7 +220,9 @@ def _quantile(model: Model) -> float:
 
 
 def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
-    """Jackknife covariance of (coefficients, free nonlinear parameters) from the model linearised in the latter."""
+    """Jackknife covariance of (coefficients, free nonlinear parameters), the model linearised in the latter and in the width of the
+    friction law of the effect's joint.
+    """
     from cosim.closure.gram import accumulate, fit
     from cosim.closure.model import filtered, spread
 
@@ -204,9 +234,19 @@ def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarr
         a, b = (filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, th)) for th in (ahead, behind))
         slope = {j: (a[j] - b[j]) @ model.fit.beta[part] / width for j in a}
         extra.append(spread({j: v[:, None] for j, v in slope.items()}, model.setting) * model.scale)
+    count = len(extra)
+    extra += [_width_tangent(model, j) for j in choice.joints if choice.effect.sharp and model.laws[j].width > 0]
     design = np.concatenate((model.design, *extra), axis=2)
     cov = fit(accumulate(design, model.y, rows.block, rows.blocks, rows.train_blocks)).cov
-    places = [*range(part.start, part.stop), *range(model.design.shape[2], design.shape[2])]
+    places = [*range(part.start, part.stop), *range(model.design.shape[2], model.design.shape[2] + count)]
     return cov[np.ix_(places, places)]
 
 
+def _width_tangent(model: Model, joint: int) -> np.ndarray:
+    """Column (J, m, 1) of a relative change of the width of a joint's friction law."""
+    from cosim.closure.model import spread
+
+    law = model.laws[joint]
+    ahead, behind = (model.setting.sign(joint, evolve(law, width=law.width * f)) for f in (1.03, 1 / 1.03))
+    level = model.fit.beta[len(model.setting.names) + model.setting.joints + joint]
+    return spread({joint: (level * (ahead - behind) / (2 * np.log(1.03)))[:, None]}, model.setting) * model.scale

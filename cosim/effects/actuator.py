@@ -9,6 +9,8 @@ import numpy as np
 
 from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
 
+_FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
+_LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
 
 
@@ -23,7 +25,7 @@ class ActuatorLag(Effect):
     unit = "s"
     sharp = False
     dynamic = True
-    aliases = (Alias("time_delay", "excitation with periods near the lag itself (fast chirps or steps of torque)"),)
+    aliases = (Alias("time_delay", _FAST), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
 
     def columns(self, scene, joints, theta):
@@ -47,7 +49,7 @@ class TimeDelay(Effect):
     unit = "s"
     sharp = False
     dynamic = True
-    aliases = (Alias("actuator_lag", "excitation with periods near the delay itself (fast chirps or steps of torque)"),)
+    aliases = (Alias("actuator_lag", _FAST), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:

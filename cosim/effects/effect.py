@@ -69,6 +69,7 @@ class Alias:
 
     name: str
     separated_by: str
+    reach: float = 0.75  # share of the effect's gain from which on the other counts as not told apart
     always: bool = False  # no motion tells the two: listed even where details of the friction law seem to
 
 

@@ -13,7 +13,7 @@ class TorqueOffset(Effect):
     equation = "tau += offset"
     source = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems 27(5)"
     aliases = (
-        Alias("coulomb_asymmetry", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", True),
+        Alias("coulomb_asymmetry", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", always=True),
         Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
         Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
     )
@@ -33,7 +33,7 @@ class CoulombAsymmetry(Effect):
     equation = "tau += a s(dq)^2"
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
     aliases = (
-        Alias("torque_offset", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", True),
+        Alias("torque_offset", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", always=True),
         Alias("viscous_asymmetry", "both directions at clearly different speeds"),
     )
 

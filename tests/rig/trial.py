@@ -75,7 +75,7 @@ def judge(task) -> dict:
         out.parameters |= f.parameters
         out.interval |= {k: list(v) for k, v in f.interval.items()}
     if closure.error is not None:
-        out.before, out.after = list(closure.error.moving_before), list(closure.error.moving_after)
+        out.before, out.after = list(closure.error.before), list(closure.error.after)
         nj = closure.before.setting.joints
         p = len(closure.before.setting.names)
         out.viscous = [float(v) for v in closure.before.fit.beta[p : p + nj]]

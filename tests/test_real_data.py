@@ -78,8 +78,9 @@ def test_emps_torque(emps):
 
 def test_emps_replay(emps):
     assert emps.replay.kind == "closed loop"
-    assert emps.replay.before[0] < 6.0  # issue: 8.7, without the law's own differentiation
-    assert emps.replay.after[0] < 4.0
+    assert emps.replay.raw_before[0] < 6.0  # issue: 8.7 -> 4.0 of the unfiltered force
+    assert emps.replay.raw_after[0] < 4.0
+    assert emps.replay.after[0] < 3.6 < 4.2 < emps.replay.before[0]  # through the filter of the torque error
     assert emps.replay.position_after[0] < emps.replay.position_before[0] < 3e-6
 
 

@@ -130,6 +130,8 @@ def compile_library(
         )
     except OSError as error:
         raise BuildError(f"the compiler {compiler.command[0]} does not start: {error}") from error
+    if done.returncode and ("NoSpaceLeft" in done.stderr or "No space left" in done.stderr):
+        raise BuildError(f"no space left to compile, in {cache} or {sources}; free space, or set COSIM_CACHE or TMPDIR")
     if done.returncode:
         text = done.stderr.strip()[-4000:] or f"exit status {done.returncode}"
         raise BuildError(f"{main} does not compile for {chosen.name}:\n{text}\n({shlex.join(command)} in {sources})")

@@ -147,6 +147,14 @@ def test_three_mistakes_are_all_listed_and_nothing_runs(tmp_path):
         (["run", "--set", "arm_l.model=PhantomArms"], "did you mean 'PhantomArm'"),
         (["run", "--set", "arm_l.internal_steps=1.5"], "a whole number"),
         (["run", "--effects", "none.toml"], "nothing at"),
+        (["run", "--set", "experiment.stop=inf"], "experiment.stop: expected a positive number"),
+        (["run", "--set", "experiment.stop=1e300"], "experiment.stop: expected at most"),
+        (["run", "--set", "experiment.step=0"], "experiment.step: expected a positive number"),
+        (["run", "--set", "experiment.step=0.0010000001"], "a whole number of nanoseconds"),
+        (["run", "--set", "experiment.order=['arm_x']"], "did you mean 'arm_"),
+        (["run", "--set", "experiment.fmi=1"], "experiment.fmi: expected 2 or 3"),
+        (["run", "--set", "arm_l.fmu='none.fmu'"], "components.arm_l.fmu: expected a file"),
+        (["run", "--set", "arm_l.gravity_compensation=2"], "true or false"),
     ],
 )
 def test_bad_input_is_one_message(words, message, tmp_path):
@@ -230,4 +238,17 @@ def test_a_missing_compiler_and_an_unwritable_folder_are_told(tmp_path):
     assert done.returncode == 1 and "Traceback" not in done.stderr and "/no/such/compiler" in done.stderr
     (tmp_path / "file").write_text("")
     done = cosim("run", "sallam-stable", "--out", tmp_path / "file" / "o")
-    assert done.returncode == 1 and "Traceback" not in done.stderr and "error" in done.stderr
+    assert done.returncode == 2 and "Traceback" not in done.stderr and "--out: expected a folder" in done.stderr
+
+
+def test_a_full_disk_keeps_what_fits_and_says_what_does_not(tmp_path):
+    small = 500_000  # bytes: the report and the summary fit, 30,000 rows of some hundred signals do not
+    done = subprocess.run(
+        [sys.executable, "-m", "cosim", "run", "sallam-stable", "--out", str(tmp_path / "o")],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (small, small)),
+    )
+    assert done.returncode == 1 and "Traceback" not in done.stderr and "converged" in done.stdout
+    assert "result.h5: File too large" in done.stderr and "--out" in done.stderr
+    assert sorted(path.name for path in (tmp_path / "o").iterdir()) == ["report.html", "summary.json"]

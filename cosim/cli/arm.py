@@ -94,7 +94,9 @@ def counterbalance(
 
 def _finish(report: Report, out: Path, details: str = "") -> None:
     """Write the page and print the summary."""
-    path = write_report(report, out / "report.html")
+    from cosim.cli.folder import made
+
+    path = write_report(report, made(out) / "report.html")
     print("\n".join(part for part in (report.verdict, details, f"report: {path}") if part))
 
 

@@ -17,6 +17,7 @@ def command(
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("close-loop"),
 ) -> None:
     """Trace the residual of a recording to a missing effect, add it to the FMU, report the error before and after."""
+    from cosim.cli.folder import made
     from cosim.closure.closure import Options, close_loop, load_previous
     from cosim.closure.output import sentence, write
     from cosim.effects import library
@@ -25,6 +26,7 @@ def command(
     known = library(effect_file or ())
     previous = load_previous(effects, known) if effects else ()
     recording = read(data, test or (), description)
+    made(out)
     closure = close_loop(recording, Options(effects=known, previous=previous, replayed=replay, progress=_tell))
     _tell("writing the results")
     write(closure, out)

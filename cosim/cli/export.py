@@ -18,12 +18,13 @@ def command(
 ) -> None:
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
     from build_fmus.compiler import PLATFORMS
+    from cosim.cli.folder import made
     from cosim.cli.run import prepare
     from cosim.export.export import export
 
     wiring = prepare(scenario, set_ or [], effects)
     chosen = list(PLATFORMS) if platform == ["all"] else platform
-    written = export(wiring, out, chosen, lambda text: print(text, file=sys.stderr))
+    written = export(wiring, made(out), chosen, lambda text: print(text, file=sys.stderr))
     print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {out / 'fmi2'} and {out / 'fmi3'}")
     print(f"{written.ssp}: the wired system (SSP 1.0)")
     print("\n".join(f"{path}: the wired system as one FMU" for path in written.containers))

@@ -31,6 +31,7 @@ def command(
     import json
     import sys
 
+    from cosim.cli.folder import made
     from cosim.identify.document import document
     from cosim.identify.identification import identify, identify_as_paper
     from cosim.identify.idim import idim
@@ -41,11 +42,11 @@ def command(
 
     print(f"reading {len(data) + len(test or [])} file(s)", file=sys.stderr)
     recording = read(data, test or (), description)
+    made(out)
     method = adjusted(suggested(recording), cutoff, velocity_cutoff, smooth_sign, robust, physical)
     print("identifying", file=sys.stderr)
     found, paper = identify(recording, method), identify_as_paper(recording)
     reference = idim(recording, found.params[: len(paper.params)])
-    out.mkdir(parents=True, exist_ok=True)
     (out / "identification.json").write_text(json.dumps(document(found, paper, reference), indent=1), encoding="utf-8")
     write_report(page(found, paper, reference), out / "report.html")
     for warning in found.warnings:

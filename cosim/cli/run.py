@@ -1,6 +1,7 @@
 """`cosim run`."""
 
 import sys
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -28,16 +29,18 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """One co-simulation: summary.json, result.h5, report.html."""
+    from cosim.cli.folder import made
     from cosim.fmu import open_system
     from cosim.judging import judged_run
 
     wiring = prepare(scenario, set_ or [], effects)
-    folder = out or Path("results") / wiring.scenario.name
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = made(out or Path("results") / wiring.scenario.name)
     with open_system(wiring.scenario) as system, meter(wiring.scenario.name) as progress:
         judged = judged_run(wiring.scenario, system, progress)
-    _write(judged, folder, export or [], report)
+    lost = _write(judged, folder, export or [], report)
     print(_spoken(judged, folder))
+    if lost:
+        raise OSError(f"not written: {'; '.join(lost)}; free space, or name another folder with --out, and run again")
     if judged.result.failure is not None:
         raise judged.result.failure
     if judged.interrupted:
@@ -60,8 +63,12 @@ def prepare(name: str, overrides: list[str], effects: Path | None):
             wiring, found = check(scenario, descriptions(scenario, _say))
         except InputError as error:
             found = list(error.problems)
+        except Exception:  # what is wrong already may make the rest impossible
+            if not problems:
+                raise
     if problems or wiring is None:
-        raise InputError([*problems, *(p for p in found if p not in problems)])
+        known = {(p.expected, p.got) for p in problems}
+        raise InputError([*problems, *(p for p in found if (p.expected, p.got) not in known)])
     return wiring
 
 
@@ -107,23 +114,47 @@ class meter:
             self.bar.stop()
 
 
-def _write(judged, folder: Path, exports: list[Export], report: bool) -> None:
-    """Every file of the run; summary.json last, so that it stands for a complete folder."""
+def _write(judged, folder: Path, exports: list[Export], report: bool) -> list[str]:
+    """Every file of the run, summary.json last; those that could not be written, and why (a full disk)."""
+    from cosim.cli.folder import words
+
+    lost = []
+    for name, write in _files(judged, exports, report).items():
+        try:
+            write(folder / name)
+        except (OSError, RuntimeError) as error:  # the latter from HDF5
+            (folder / name).unlink(missing_ok=True)
+            lost.append(f"{folder / name}: {words(error)}")
+    return lost
+
+
+def _files(judged, exports: list[Export], report: bool) -> dict[str, Callable[[Path], object]]:
+    """The names of a run's files with what writes each."""
+    from cosim.results import export_csv, export_mat, write_h5
+
+    files = {"result.h5": lambda path: write_h5(judged.result, path)}
+    for kind in exports:
+        export = export_csv if kind is Export.CSV else export_mat
+        files[f"result.{kind.value}"] = lambda path, export=export: export(judged.result, path)
+    if report:
+        files["report.html"] = lambda path: _write_report(judged, path)
+    return files | {"summary.json": lambda path: _write_summary(judged, path)}
+
+
+def _write_report(judged, path: Path) -> None:
+    from cosim.plots.run import run_report
+    from cosim.report import write_report
+
+    write_report(run_report(judged), path)
+
+
+def _write_summary(judged, path: Path) -> None:
     import json
 
-    from cosim.results import export_csv, export_mat, write_h5
     from cosim.summary import summary
 
-    write_h5(judged.result, folder / "result.h5")
-    for kind in exports:
-        (export_csv if kind is Export.CSV else export_mat)(judged.result, folder / f"result.{kind.value}")
-    if report:
-        from cosim.plots.run import run_report
-        from cosim.report import write_report
-
-        write_report(run_report(judged), folder / "report.html")
     text = json.dumps(summary(judged), indent=2, ensure_ascii=False, allow_nan=False)
-    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def _spoken(judged, folder: Path) -> str:

@@ -17,13 +17,13 @@ def command(
 ) -> None:
     """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html."""
     from cosim.cli.run import meter, prepare
+    from cosim.cli.folder import made
     from cosim.fmu import open_system
     from cosim.stability.linearisation import at_pose
 
     wiring = prepare(scenario, set_ or [], effects)
     chosen = at_pose(wiring.scenario, _pose(pose))
-    folder = out or Path("results") / f"{chosen.name}-stability"
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = made(out or Path("results") / f"{chosen.name}-stability")
     with open_system(chosen) as system, meter(chosen.name) as progress:
         found, loop = compare(chosen, system, progress)
     _write(found, loop, folder, report)

@@ -17,14 +17,14 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
+    from cosim.cli.folder import made
     from cosim.sweep.campaign import carry_out, first_point, task_of
     from cosim.sweep.evaluate import check
 
     sweep = _prepared(spec, set_ or [], effects)
-    folder = out or Path("results") / sweep.name
+    folder = made(out or Path("results") / sweep.name)
     how = check(task_of(sweep), first_point(sweep))
     print(f"{sweep.name}: {how}", file=sys.stderr)
-    folder.mkdir(parents=True, exist_ok=True)
     staff, words = _staff(workers, dask)
     try:
         with staff, _meter(sweep.name) as tell:

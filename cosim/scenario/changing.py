@@ -84,6 +84,9 @@ def _component_with(component: Component, key: str, value: object, where: str, p
     return evolve(component, parameters=kept | {key: value})
 
 
+_KINDS = {dict: "a table", str: "text", list: "a list"}
+
+
 def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Scenario:
     """The effects file's start values, given to the components that it names or to every one of its model."""
     if not path.is_file():
@@ -91,6 +94,13 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
         return scenario
     table = read_toml(path)
     unknown_keys(table, {"format", "model", "components", "parameters", "effects", "provenance"}, path.name, problems)
+    kinds = {"parameters": dict, "model": str, "components": list, "effects": list}
+    wrong = [key for key, kind in kinds.items() if key in table and not isinstance(table[key], kind)]
+    if wrong or table.get("format", 1) != 1:
+        problems += [Problem(f"{path.name}: {key}", _KINDS[kinds[key]], repr(table[key])) for key in wrong]
+        if table.get("format", 1) != 1:
+            problems.append(Problem(f"{path.name}: format", "1", repr(table["format"]), "this cosim reads format 1"))
+        return scenario
     values, model = table.get("parameters", {}), table.get("model", "PhantomArm")
     named = table.get("components")
     chosen = named or [name for name, c in scenario.components.items() if c.model == model]

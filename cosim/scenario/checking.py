@@ -9,6 +9,9 @@ from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario.scenario import NANOSECONDS, Component, Scenario
 
 
+LONGEST = 2**63  # nanoseconds that fit an integer of 64 bits
+
+
 def check(scenario: Scenario, where: str) -> list[Problem]:
     problems = _check_experiment(scenario, where)
     for name, component in scenario.components.items():
@@ -29,13 +32,18 @@ def _check_experiment(scenario: Scenario, where: str) -> list[Problem]:
     positive = {"step": e.step, "stop": e.stop, "record_every": e.record_every, "bound": e.bound}
     wrong = [key for key, value in positive.items() if not (math.isfinite(value) and value > 0)]
     problems += [Problem(f"{where}.{key}", "a positive number", str(positive[key])) for key in wrong]
-    if "step" not in wrong and (e.step_ns < 1 or abs(e.step * NANOSECONDS - e.step_ns) > 1e-6 * e.step_ns):
+    if "stop" not in wrong and e.stop * NANOSECONDS > LONGEST:
+        problems.append(Problem(f"{where}.stop", f"at most {LONGEST / NANOSECONDS:.2g} s", f"{e.stop:g} s"))
+        return problems
+    if "step" not in wrong and (e.step_ns < 1 or abs(e.step * NANOSECONDS - e.step_ns) > 1e-9 * e.step_ns):
         problems.append(Problem(f"{where}.step", "a whole number of nanoseconds", f"{e.step} s"))
     elif not wrong and abs(e.stop * NANOSECONDS - e.steps * e.step_ns) > 0.5:
         near = max(e.steps, 1) * e.step_ns / NANOSECONDS
         problems.append(
             Problem(f"{where}.stop", f"a whole number of steps of {e.step} s", f"{e.stop} s", f"{near:.12g} s is one")
         )
+    if e.seed < 0:
+        problems.append(Problem(f"{where}.seed", "0 or more", str(e.seed)))
     if e.fmi not in (2, 3):
         problems.append(Problem(f"{where}.fmi", "2 or 3", str(e.fmi)))
     for name in e.order:

@@ -64,6 +64,9 @@ def _start(variable: Variable, value: object, where: str, problems: list[Problem
     if not low <= value <= high:
         problems.append(Problem(where, f"a value in [{low:g}, {high:g}] {variable.unit.name}".rstrip(), repr(value)))
         return None
+    if variable.type == "Boolean" and value not in (0, 1):
+        problems.append(Problem(where, "true or false", repr(value)))
+        return None
     if TYPES.get(variable.type, 2) == 2 and value != int(value):
         problems.append(Problem(where, "a whole number", repr(value)))
         return None

@@ -123,7 +123,7 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float) -> Growth | N
     rate, half = _interval(rates)
     # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by sqrt(3).
     half = max(np.sqrt(3.0) * half, 1e-9)
-    return Growth(rate, rate - half, rate + half, float(abs(windows[-1].imag)), (float(time[first]), float(time[-1])), "modes")
+    return Growth(rate, float(rate - half), float(rate + half), float(abs(windows[-1].imag)), (float(time[first]), float(time[-1])), "modes")
 
 
 def dominant_mode(time: np.ndarray, signals: np.ndarray) -> complex | None:

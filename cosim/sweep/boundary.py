@@ -47,6 +47,8 @@ class Boundary:
         known = [(self.tree.lattice.position(n), v) for n, v in self.tree.values.items() if np.isfinite(v)]
         corners, signs = np.array([p for p, _ in known]), np.array([1.0 if v > 0 else -1.0 for _, v in known])
         found = np.zeros(len(positions))
+        if not known:
+            return found
         for k, position in enumerate(positions):
             nearest = int(np.argmin(np.sum((corners - position)**2, axis=1)))
             crossed = sum(_crossings(position, corners[nearest], curve) for curve in self.curves)

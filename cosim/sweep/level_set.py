@@ -87,6 +87,8 @@ def learn(budget: Budget) -> Generator[Places, list[float], Boundary]:
 def _straddling(places: np.ndarray, values: np.ndarray, grid: np.ndarray, count: int) -> list[np.ndarray]:
     """The next places, most doubtful first; none where every sign on the grid is sure."""
     known = np.isfinite(values)
+    if not known.any():
+        return []
     process = Process.fitted(places[known], values[known])
     believed, standard = places[known], process.values
     chosen: list[np.ndarray] = []
@@ -108,6 +110,8 @@ def _contours(places: np.ndarray, values: np.ndarray) -> Boundary:
     from cosim.sweep.boundary import Precision, trace_square
 
     known = np.isfinite(values)
+    if not known.any():
+        return Boundary(())
     process = Process.fitted(places[known], values[known])
     tracer = trace_square(Precision(0.001, 24, 0), Tree(Lattice.jittered(24, 0)))
     asked = next(tracer)

@@ -49,8 +49,7 @@ def usable(norm: np.ndarray, floor: float, ceiling: float) -> slice:
     if len(norm) == 0:
         return slice(0, 0)
     reach = max(1, len(norm) // 50)
-    padded = np.concatenate([norm, np.repeat(norm[-1:], reach - 1)])
-    ahead = np.lib.stride_tricks.sliding_window_view(padded, reach).max(axis=1)
+    ahead = _running_max(norm, reach)
     inside = (ahead > floor) & (ahead < ceiling)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
     if edges.size == 0:
@@ -58,6 +57,15 @@ def usable(norm: np.ndarray, floor: float, ceiling: float) -> slice:
     starts, stops = edges[::2], edges[1::2]
     longest = int(np.argmax(stops - starts))
     return slice(int(starts[longest]), int(stops[longest]))
+
+
+def _running_max(values: np.ndarray, reach: int) -> np.ndarray:
+    """The largest of each value and those that follow, `reach` in all: windows doubled in length, then overlapped."""
+    found, length = np.concatenate([values, np.repeat(values[-1:], reach - 1)]), 1
+    while 2 * length <= reach:
+        found, length = np.maximum(found[:-length], found[length:]), 2 * length
+    rest = reach - length
+    return np.maximum(found[: len(found) - rest], found[rest:])
 
 
 def growth(time: np.ndarray, difference: np.ndarray) -> Growth | None:

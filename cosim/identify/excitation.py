@@ -5,6 +5,8 @@ The better choice minimises the condition number of the scaled regressor over th
 joint limits, the linkage's limits and, for a given parameter set, where M(q) is positive definite.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import evolve, field, frozen
 
@@ -102,19 +104,30 @@ def condition_number(excitation: Excitation, duration: float) -> float:
     return float(np.linalg.cond(flat / np.linalg.norm(flat, axis=0)))
 
 
-def optimised(seed: int = 0, duration: float = 60.0, rounds: int = 200, workspace: Workspace = LINKED) -> Excitation:
+def optimised(
+    seed: int = 0, duration: float = 60.0, rounds: int = 200, plants: Sequence[np.ndarray] = ()
+) -> Excitation:
     """Phases that lower the condition number, by seeded random search from the paper's recipe.
 
-    Amplitudes stay equal: letting them fall lowers the number further and leaves a motion that is all slow.
+    M(q) > 0 along the motion for every pi (8,) of `plants`. Amplitudes stay equal: letting them fall lowers the number
+    further and leaves a motion that is all slow.
     """
     rng = np.random.default_rng(seed)
-    best = taati(seed, duration, workspace)
+    best = _inside(taati(seed, duration), plants, duration)
     score, width = condition_number(best, duration), 1.0
     for _ in range(rounds):
         turned = evolve(best, phase=best.phase + width * rng.normal(size=best.phase.shape))
-        trial = fitted(turned, duration, workspace)
+        trial = _inside(turned, plants, duration)
         value = condition_number(trial, duration)
         better = value < score
         best, score = (trial, value) if better else (best, score)
         width = min(width * 1.3, 2.0) if better else max(width * 0.97, 0.05)
     return best
+
+
+def _inside(excitation: Excitation, plants: Sequence[np.ndarray], duration: float) -> Excitation:
+    """As large as the workspace and the plants' M(q) > 0 allow."""
+    found = fitted(excitation, duration)
+    for pi in plants:
+        found = within_definite(found, pi, duration)
+    return found

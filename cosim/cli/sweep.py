@@ -10,9 +10,15 @@ import typer
 def command(
     spec: Annotated[str, typer.Argument(help="name of a shipped sweep, or a TOML file")],
     workers: Annotated[Optional[int], typer.Option(help="worker processes (default: one a core)")] = None,
-    dask: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")] = None,
-    out: Annotated[Optional[Path], typer.Option(help="folder for the results (default: results/SPEC); the same again: resumes")] = None,
-    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a fixed value; may be repeated")] = None,
+    dask: Annotated[
+        Optional[str], typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")
+    ] = None,
+    out: Annotated[
+        Optional[Path], typer.Option(help="folder for the results (default: results/SPEC); the same again: resumes")
+    ] = None,
+    set_: Annotated[
+        Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a fixed value; may be repeated")
+    ] = None,
     effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
@@ -30,7 +36,9 @@ def command(
         with staff, _meter(sweep.name) as tell:
             campaign = carry_out(sweep, folder, staff, f"{how}; {words}", tell=tell)
     except KeyboardInterrupt:
-        print(f"interrupted; what was computed is kept in {folder}: run the same command again to go on", file=sys.stderr)
+        print(
+            f"interrupted; what was computed is kept in {folder}: run the same command again to go on", file=sys.stderr
+        )
         sys.exit(130)
     _write(campaign, folder, report)
     print(_spoken(campaign, folder))
@@ -100,7 +108,12 @@ def _write(campaign, folder: Path, report: bool) -> None:
     from cosim.results import write_table
     from cosim.sweep.table import columns, summary, units
 
-    write_table(columns(campaign), units(campaign), {"sweep": campaign.sweep.name, "scenario": campaign.sweep.scenario}, folder / "sweep.h5")
+    write_table(
+        columns(campaign),
+        units(campaign),
+        {"sweep": campaign.sweep.name, "scenario": campaign.sweep.scenario},
+        folder / "sweep.h5",
+    )
     if report:
         from cosim.plots.sweep import sweep_report
         from cosim.report import write_report
@@ -113,13 +126,23 @@ def _write(campaign, folder: Path, report: bool) -> None:
 def _spoken(campaign, folder: Path) -> str:
     from collections import Counter
 
+    from cosim.sweep.table import kernel_replay
+
     outcomes = Counter(f.outcome for f in campaign.findings)
     said = ", ".join(f"{count} {name}" for name, count in sorted(outcomes.items()))
     rows = [("points", f"{len(campaign.points)} ({campaign.known_before} known before): {said}")]
     rows += [("executor", campaign.executor)]
+    if (replay := kernel_replay(campaign)) is not None:
+        largest = replay["largest_relative_difference"]
+        words = "they end differently" if largest is None else f"largest relative difference {largest:.2g}"
+        rows += [("replayed", f"{replay['points']} of the kernel's points by the FMUs: {words}")]
     for curve in campaign.curves[:10]:
         where = _along(curve) if curve.lines and len(curve.lines[0][0]) == 1 else f"{len(curve.lines)} curve(s)"
-        audit = f", missed area below {100 * curve.audit.bound:.2g} % ({100 * curve.audit.level:g} % confidence)" if curve.audit else ""
+        audit = (
+            f", missed area below {100 * curve.audit.bound:.2g} % ({100 * curve.audit.level:g} % confidence)"
+            if curve.audit
+            else ""
+        )
         rows += [(f"boundary {curve.label}".strip(), (where if curve.lines else "none in the range") + audit)]
     rows += [("results", str(folder))]
     width = max(len(name) for name, _ in rows)

@@ -4,6 +4,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from enum import Enum
+from functools import cache
 from pathlib import Path
 
 from attrs import fields
@@ -98,6 +99,7 @@ def record_of(kind: type, table: object, where: str, problems: list[Problem]):
         return None
 
 
+@cache
 def _converter():
     """A strict cattrs converter: no text for numbers, no numbers for text, whole numbers where they are asked for."""
     from cattrs import Converter

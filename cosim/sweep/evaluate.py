@@ -1,14 +1,18 @@
 """Evaluators: what is found at points of a sweep. Each is a function of (task, points), exchangeable by name in the sweep's file.
 
-`simulation` runs the batch kernel where it applies and FMUs elsewhere; `cosimulation` always runs FMUs; `spectrum` takes the growth
-rate from the exact spectrum of the loop linearised at its start pose (no simulation). Loaded FMUs stay for the next points.
+`simulation` runs the batch kernel where it applies, and FMUs elsewhere, and at one in two hundred of the kernel's points
+too; `cosimulation` always runs FMUs; `spectrum`
+takes the growth rate from the exact spectrum of the loop linearised at its start pose (no simulation). Loaded FMUs
+stay for the next points.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from attrs import frozen
+import numpy as np
+from attrs import evolve, frozen
 
 from cosim.errors import RunError
 from cosim.fmu import FmuSet, open_system
@@ -30,9 +34,13 @@ from cosim.sweep.pool import Task
 from cosim.sweep.spec import SCENARIO
 from cosim.wiring import Wiring
 
-EVALUATORS: Mapping[str, str] = {name: f"cosim.sweep.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")}
+EVALUATORS: Mapping[str, str] = {
+    name: f"cosim.sweep.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")
+}
 """Evaluators by the short names of a sweep's file."""
 _RECORDED = ("q", "dq", "x", "saturated")
+_REPLAY_EVERY = 200
+"""One in so many of the kernel's points is run by the FMUs too."""
 
 
 @frozen
@@ -66,7 +74,11 @@ def check(task: Task, point: Point) -> str:
         return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
             task.evaluator.partition(":")[2], task.evaluator)  # fmt: skip
     reason = _refusal(wiring)
-    return "batch kernel (same bits as the co-simulation)" if reason is None else f"co-simulation of FMUs (kernel: {reason})"
+    return (
+        "batch kernel (same bits as the co-simulation)"
+        if reason is None
+        else f"co-simulation of FMUs (kernel: {reason})"
+    )
 
 
 def simulation(task: Task, points: Sequence[Point]) -> list[Finding]:
@@ -103,11 +115,12 @@ class _Seat:
 
     desk: _Desk
     wiring: Wiring
+    point: Point
 
     @classmethod
     def of(cls, task: Task, point: Point) -> "_Seat":
         chosen = desk(task, point)
-        return cls(chosen, chosen.wiring(task, point))
+        return cls(chosen, chosen.wiring(task, point), point)
 
 
 def _lanes_key(wiring: Wiring) -> str:
@@ -129,7 +142,11 @@ def _signals(wiring: Wiring) -> list[str]:
     """What a verdict and the tracking error read."""
     names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED and not n.endswith(".saturated")]
     operator = [n for n in wiring.signals if stem(n) == "operator.f"]
-    return list(dict.fromkeys(stem(n) for n in names + operator if wiring.descriptions[n.partition(".")[0]].integrates or n in operator))
+    return list(
+        dict.fromkeys(
+            stem(n) for n in names + operator if wiring.descriptions[n.partition(".")[0]].integrates or n in operator
+        )
+    )
 
 
 def _batch(seats: Sequence[_Seat]) -> list[Finding]:
@@ -138,12 +155,39 @@ def _batch(seats: Sequence[_Seat]) -> list[Finding]:
     wirings = [seat.wiring for seat in seats]
     twins = [seat.desk.system.wiring(twin_of(seat.wiring)) for seat in seats]
     results = run_batch([*wirings, *twins], _signals(wirings[0]))
-    return [_finding(*each) for each in zip(seats, results[:len(seats)], results[len(seats):])]
+    found = zip(seats, results[: len(seats)], results[len(seats) :])
+    return [_replayed(seat, result, _finding(seat, result, twin)) for seat, result, twin in found]
+
+
+def _replayed(seat: _Seat, result: Result, finding: Finding) -> Finding:
+    """The finding of a kernel's run; where the point was drawn, with the largest relative difference to the FMUs' run."""
+    if not drawn(seat.point):
+        return finding
+    again = run(seat.wiring.scenario, seat.desk.system, record=list(result.signals))
+    return evolve(finding, numbers={**finding.numbers, "kernel_difference": difference(result, again)})
+
+
+def drawn(point: Point) -> bool:
+    """Whether a point that the kernel ran is run by the FMUs too: one in `_REPLAY_EVERY`, by its hash, so at random but the
+    same in every process."""
+    return int(point.key[:8], 16) % _REPLAY_EVERY == 0
+
+
+def difference(result: Result, other: Result) -> float:
+    """Largest difference of two runs' signals, relative to the largest value of its signal; infinite for unlike lengths."""
+    if len(result.time) != len(other.time) or result.outcome is not other.outcome:
+        return math.inf
+    return max(
+        float(np.abs(values - other.signals[name]).max() / max(np.abs(values).max(), 1e-300))
+        for name, values in result.signals.items()
+    )
 
 
 def _simulated(seat: _Seat) -> Finding:
     wiring, system = seat.wiring, seat.desk.system
-    record = [n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"]
+    record = [
+        n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"
+    ]
     twin = twin_of(wiring)
     if twin is None:
         raise RunError(wiring.scenario.name, None, "no arm whose start could be moved: no growth rate")
@@ -160,7 +204,9 @@ def _finding(seat: _Seat, result: Result, twin: Result) -> Finding:
     apart = tracking(result)
     numbers = {"tracking_rmse": apart.total} if apart else {}
     numbers["simulated_time"] = float(result.time[-1])
-    return Finding(verdict.outcome.value, verdict.growth_rate, *verdict.interval, evidence.value, numbers, result.message)
+    return Finding(
+        verdict.outcome.value, verdict.growth_rate, *verdict.interval, evidence.value, numbers, result.message
+    )
 
 
 def _evidence(seat: _Seat, outcome: Outcome | None, rate: float | None = None) -> Evidence:

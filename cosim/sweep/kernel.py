@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections import defaultdict
+from collections import OrderedDict, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import POINTER, c_double, c_int64, c_void_p
@@ -125,6 +125,8 @@ def _unfit(part: _Part, wiring: Wiring) -> str | None:
         return f"its input {strange[0]} is wired"
     if wiring.scenario.components[part.name].step_multiple != 1:
         return "it has a step multiple"
+    if part.kind == _CHANNEL and (longest := _longest_delay(part)) > _MOST_STEPS * wiring.scenario.experiment.step:
+        return f"its delay of up to {longest:g} s does not fit the kernel's buffer"
     return _PARAMETERS[part.kind](part)
 
 
@@ -132,9 +134,16 @@ def _arm_parameters(part: _Part) -> str | None:
     return _changed(part, {n: v for n, v in part.starts.items() if stem(n) not in _ARM_PARAMETERS})
 
 
+def _longest_delay(part: _Part) -> float:
+    return part.number("delay_mean" if _law(part) == "constant" else "delay_max")
+
+
+def _law(part: _Part) -> str:
+    return part.description.variables["law"].items[int(part.number("law")) - 1]
+
+
 def _channel_parameters(part: _Part) -> str | None:
-    law = part.number("law")
-    if part.description.variables["law"].items[int(law) - 1] == "recorded":
+    if _law(part) == "recorded":
         return "its delay is recorded"
     other = {name: part.number(name) for name in _CHANNEL_NEUTRAL if name in part.description.variables}
     wrong = [name for name, value in other.items() if value != _CHANNEL_NEUTRAL[name]]
@@ -229,7 +238,7 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     wirings: of scenarios with the same components, connections and experiment, each of which `refusal` accepts; record:
     signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
     """
-    alike, feed = _Part.all(wirings[0]), _Feed()
+    alike, feed = _Part.all(wirings[0]), _FEED
     settings = [_Setting.of(wiring, alike, feed) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
@@ -251,19 +260,30 @@ def _batches(settings: Sequence[_Setting]) -> list[list[int]]:
     return [group[k : k + width] for group in alike.values() for k in range(0, len(group), width)]
 
 
+_FEED_SIZE = 64
+
+
 class _Feed:
-    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once."""
+    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once; the last
+    of them are remembered."""
 
     def __init__(self) -> None:
-        self.known: dict = {}
+        self.known: OrderedDict = OrderedDict()
 
     def values(self, wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
         """(steps + 1, outputs) values of a component's outputs at every communication point, alone in its own run."""
         experiment = wiring.scenario.experiment
-        key = (part.model, part.description.sha256, tuple(sorted(part.starts.items())), experiment.steps, experiment.step_ns, tuple(outputs))
+        length = (experiment.steps, experiment.step_ns)
+        key = (part.model, part.description.sha256, tuple(sorted(part.starts.items())), length, tuple(outputs))
         if key not in self.known:
             self.known[key] = _alone(wiring, part, outputs)
+        self.known.move_to_end(key)
+        while len(self.known) > _FEED_SIZE:
+            self.known.popitem(last=False)
         return self.known[key]
+
+
+_FEED = _Feed()
 
 
 def _alone(wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
@@ -318,7 +338,7 @@ def _series(wiring: Wiring, part: _Part, feed: _Feed) -> np.ndarray | None:
         return feed.values(wiring, part, part.outputs)
     if part.kind != _CHANNEL:
         return None
-    if part.description.variables["law"].items[int(part.number("law")) - 1] == "constant":
+    if _law(part) == "constant":
         return np.array([[part.number("delay_mean")]])
     unwired = evolve(part, inputs=())
     return feed.values(wiring, unwired, ("delay_now",))
@@ -394,10 +414,6 @@ class _Call:
     def _give_history(self, native: _Component, i: int) -> None:
         longest = max(float(setting.series[i].max()) for setting in self.filled)
         steps = int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns))
-        if steps > _MOST_STEPS:
-            from cosim.errors import RunError
-
-            raise RunError(self.parts[i].name, None, f"a delay of {longest:g} s does not fit the channel's buffer")
         native.capacity = 1 << (steps + 4).bit_length()
         native.history = self.arena.array(np.zeros((native.capacity, max(1, native.n_inputs), self.width)))
         native.stamps = self.arena.array(np.zeros(native.capacity))

@@ -28,7 +28,13 @@ def columns(campaign: Campaign) -> dict[str, list]:
 
 def units(campaign: Campaign) -> dict[str, str]:
     """Units of the columns."""
-    known = {"growth_rate": "1/s", "growth_rate_low": "1/s", "growth_rate_high": "1/s", "tracking_rmse": "m", "simulated_time": "s"}
+    known = {
+        "growth_rate": "1/s",
+        "growth_rate_low": "1/s",
+        "growth_rate_high": "1/s",
+        "tracking_rmse": "m",
+        "simulated_time": "s",
+    }
     return {axis.name: axis.unit for axis in campaign.sweep.axes if axis.unit} | known
 
 
@@ -48,11 +54,18 @@ def summary(campaign: Campaign) -> dict[str, object]:
         "audit": _audit(campaign),
         "shares": _shares(campaign),
         "executor": campaign.executor,
+        "kernel_replay": kernel_replay(campaign),
         "known_before": campaign.known_before,
         "wall_time": campaign.wall_time,
         "versions": versions(),
         "command": command_line(),
     }
+
+
+def kernel_replay(campaign: Campaign) -> dict[str, object] | None:
+    """How many of the batch kernel's points the FMUs ran too, and the largest relative difference; None without one."""
+    found = [f.numbers["kernel_difference"] for f in campaign.findings if "kernel_difference" in f.numbers]
+    return {"points": len(found), "largest_relative_difference": number(max(found))} if found else None
 
 
 def axes_of(campaign: Campaign) -> tuple:

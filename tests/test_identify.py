@@ -74,6 +74,16 @@ def test_floor_with_encoders_beats_the_papers_estimator(closed_loop):
     assert (paper.rms_held_out > (2.0, 0.7, 0.25)).all() and (paper.rms_held_out < (10, 4, 2)).all(), paper.rms_held_out
 
 
+def test_a_held_command_is_recognised_by_its_half_sample(closed_loop):
+    """Torque that is held from its stamp to the next leads q by half a sample: found, named, and gone when recentred."""
+    time, q, tau = closed_loop
+    as_stamped = identify(recording(time, q[:, 0], tau[:, 0])).warnings
+    recentred = identify(recording(time, q[:, 0], tau[:, 0], held=True)).warnings
+    text = next(text for text in as_stamped if "early against q" in text)
+    assert 0.4 < float(text.split(" by ")[1].split()[0]) < 0.6 and "torque_held" in text
+    assert not any("against q" in text for text in recentred)
+
+
 def test_intervals_cover_in_a_small_study():
     """25 seeds, prescribed motion, white torque noise: pooled coverage; the study of 200 closed loops is marked slow.
 

@@ -206,7 +206,27 @@ def _doubts(found: Identification) -> list[str]:
         )
     if found.spread.blocks < 12:
         doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
-    return doubts + _against_declared(found) + _outside(found.stack)
+    return doubts + _shifted(found) + _against_declared(found) + _outside(found.stack)
+
+
+def _shifted(found: Identification) -> list[str]:
+    """Is tau early or late against q? tau(t + d) = tau + d dtau/dt: a column of its own, fitted beside the others."""
+    step = max(run.step for run in found.recording.runs)
+    base = found.stack.y[:, :, found.identifiability.base]
+    rate = found.stack.tau_rate[:, :, None] * step
+    names = (*(found.stack.names[k] for k in found.identifiability.base), "shift")
+    wider = evolve(found.stack, y=np.concatenate([base, rate], axis=2), names=names)
+    fitted = estimate(wider, evolve(found.method, physical=False), found.recording.device)
+    shift, std = float(fitted.params[-1]), float(spread(wider, fitted).std[-1])
+    if abs(shift) < 0.25 or abs(shift) < 4 * std:
+        return []
+    way, advice = ("early", "a command that is held until the next sample is half a sample early: say torque_held = true")
+    if shift < 0:
+        way, advice = ("late", "a filter on one side, or stamps taken at another time")
+    return [
+        f"tau is {way} against q by {abs(shift):.2g} samples ({abs(shift) * step * 1e3:.2g} ms, +-{2 * std:.1g} samples): {advice}; "
+        "a lag or delay of the actuator looks the same (close-loop tells)"
+    ]
 
 
 def _against_declared(found: Identification) -> list[str]:

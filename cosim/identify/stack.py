@@ -12,7 +12,7 @@ from cosim.measured.recording import Recording, Run
 
 @frozen(eq=False)
 class Stack:
-    """Linear model of a recording: y (n, nj, p), tau (n, nj); n counts time stamps of all runs.
+    """Linear model of a recording: y (n, nj, p), tau and its rate (n, nj); n counts time stamps of all runs.
 
     keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; test (n,): held out;
     run (n,): number of the run; time (n,) [s]; q, dq (n, nj) as filtered; step [s] between rows.
@@ -20,6 +20,7 @@ class Stack:
 
     y: np.ndarray
     tau: np.ndarray
+    tau_rate: np.ndarray
     keep: np.ndarray
     settled: np.ndarray
     test: np.ndarray
@@ -53,7 +54,7 @@ def stack(recording: Recording, method: Method) -> Stack:
     motions = [_motion(recording, run, method) for run in recording.runs]
     speed = np.sqrt(np.concatenate([m.dq**2 for m in motions]).mean(axis=0))
     pieces = [_piece(recording, m, method, speed, number) for number, m in enumerate(motions)]
-    columns = ("y", "tau", "keep", "settled", "test", "run", "time", "q", "dq")
+    columns = ("y", "tau", "tau_rate", "keep", "settled", "test", "run", "time", "q", "dq")
     joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in columns}
     first = pieces[0]
     return _with_rows(Stack(**joined, step=first.step, names=first.names, units=first.units), recording.joints)
@@ -78,6 +79,7 @@ def _piece(recording: Recording, moved: Motion, method: Method, speed: np.ndarra
     return Stack(
         y=model.y[pick],
         tau=model.tau[pick],
+        tau_rate=method.low_pass.rate(moved.tau, step)[pick],
         keep=keep[pick],
         settled=settled[pick],
         test=moved.run.test[pick],

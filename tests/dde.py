@@ -1,6 +1,7 @@
 """A monolithic integrator for the two-sided loop, independent of the code under test: RK4 with cubic Hermite history, in lanes.
 
-m x_i'' = K (x_j(t - d_i(t)) - x_i) - B x_i' + f_i(t), one axis a side, x(t < 0) = x(0). Every parameter may be an array over lanes.
+m x_i'' = K (x_j(t - d_i(t)) - x_i) - B x_i' + f_i(t), one axis a side, x(t < 0) = x(0). Every parameter may be an
+array over lanes.
 """
 
 from types import SimpleNamespace
@@ -13,8 +14,8 @@ from cosim.outcome import Outcome
 def integrate(mass, stiffness, damping, delay, stop, start, step=0.01, force=None):
     """Times (n,) and states (n, lanes, 4) = x_l, v_l, x_r, v_r.
 
-    `delay(t)` -> (lanes,) read at receive time, the same both ways; `start` (lanes, 4), or (nodes, lanes, 4) for a whole past whose last
-    node is t = 0; `force(t)` -> (lanes,) on the local side.
+    `delay(t)` -> (lanes,) read at receive time, the same both ways; `start` (lanes, 4), or (nodes, lanes, 4) for a
+    whole past whose last node is t = 0; `force(t)` -> (lanes,) on the local side.
     """
     start = np.asarray(start, float)
     past = start if start.ndim == 3 else start[None]
@@ -31,8 +32,9 @@ def integrate(mass, stiffness, damping, delay, stop, start, step=0.01, force=Non
         for column in (0, 2):
             a, b = y[k, index, column], y[k + 1, index, column]
             da, db = step * y[k, index, column + 1], step * y[k + 1, index, column + 1]
-            cubic = ((1 + 2 * s) * (1 - s)**2 * a + s * (1 - s)**2 * da
-                     + s * s * (3 - 2 * s) * b + s * s * (s - 1) * db)
+            cubic = (
+                (1 + 2 * s) * (1 - s) ** 2 * a + s * (1 - s) ** 2 * da + s * s * (3 - 2 * s) * b + s * s * (s - 1) * db
+            )
             out.append(np.where(place <= 0.0, y[0, index, column], cubic))
         return out
 

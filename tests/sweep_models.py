@@ -23,7 +23,9 @@ def one_axis_rate(stiffness: float, delay: float, mass: float = MASS, damping: f
 
 
 def _finding(rate: float) -> Finding:
-    return Finding("growing" if rate > 0 else "converged", rate, rate, rate, "constant delay" if rate < 0 else "falsified")
+    return Finding(
+        "growing" if rate > 0 else "converged", rate, rate, rate, "constant delay" if rate < 0 else "falsified"
+    )
 
 
 def exact(task: Task, points: Sequence[Point]) -> list[Finding]:

@@ -159,6 +159,7 @@ def test_unknown_rates_neither_stop_nor_mislead_the_tracer():
 
 def test_an_island_between_grid_points_is_found_by_the_audit():
     """A disc of 1.5 % of the area that no first corner touches."""
+
     def rate(u, v):
         return 0.07 - np.hypot(u - 0.5, v - 0.5) if np.hypot(u - 0.5, v - 0.5) < 0.07 else -0.5
 

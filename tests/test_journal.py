@@ -29,13 +29,16 @@ from cosim.sweep.table import columns
 from test_journal import sweep
 if __name__ == "__main__":
     with (LocalPool(2) if sys.argv[2] == "pool" else Here()) as staff:
-        campaign = carry_out(sweep(int(sys.argv[3]), sys.argv[1] + "/log"), __import__("pathlib").Path(sys.argv[1]), staff, chunk=4)
+        campaign = carry_out(sweep(int(sys.argv[3]), sys.argv[1] + "/log"), __import__("pathlib").Path(sys.argv[1]),
+        staff, chunk=4)
     open(sys.argv[1] + "/table.json", "w").write(json.dumps(columns(campaign)))
 """
 
 
 def sweep(count, log):
-    return Sweep("killed", "none", (A, B), Random(count, seed=5), evaluator="sweep_models:quick", set={"log": log, "pause": 0.01})
+    return Sweep(
+        "killed", "none", (A, B), Random(count, seed=5), evaluator="sweep_models:quick", set={"log": log, "pause": 0.01}
+    )
 
 
 def start(folder, staff, count):
@@ -103,7 +106,10 @@ def journal(tmp_path, fingerprint="sweep"):
 
 
 def test_a_line_cut_off_anywhere_is_forgotten_and_nothing_else(tmp_path):
-    points, findings = [point((A, B), (0.1 * k, 0.5)) for k in range(4)], [Finding("converged", -0.1 * k) for k in range(4)]
+    points, findings = (
+        [point((A, B), (0.1 * k, 0.5)) for k in range(4)],
+        [Finding("converged", -0.1 * k) for k in range(4)],
+    )
     with journal(tmp_path) as book:
         book.add(points, findings)
     whole = (tmp_path / "journal.jsonl").read_bytes()
@@ -121,7 +127,7 @@ def test_findings_come_back_as_they_were(tmp_path):
     with journal(tmp_path) as book:
         book.add([point((A, B), (0.1, 0.2))], [wanted])
     with journal(tmp_path) as book:
-        found, = book.findings.values()
+        (found,) = book.findings.values()
     assert (found.outcome, found.growth_rate, found.high, found.numbers, found.message) == (
         "growing", wanted.growth_rate, np.inf, {"tracking_rmse": 1e-300}, "é")  # fmt: skip
     assert np.isnan(found.low)

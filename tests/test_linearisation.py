@@ -50,7 +50,14 @@ def test_matrices_are_those_of_the_numpy_arm(free, fmi):
     m, j = mass_matrix(parameter_set("segment").pi, np.array(POSE)), jacobian(np.array(POSE))
     spring, damper = np.linalg.solve(m, j.T @ (0.25 * j)), np.linalg.solve(m, j.T @ (0.09 * j))
     own, remote = loop.terms[Way(0.0, ())], loop.terms[Way(0.0, ("channel_rl",))]
-    assert [s.partition(".")[2] for s in loop.states[:6]] == ["q_link[1]", "q_link[2]", "q_link[3]", "dq_link[1]", "dq_link[2]", "dq_link[3]"]
+    assert [s.partition(".")[2] for s in loop.states[:6]] == [
+        "q_link[1]",
+        "q_link[2]",
+        "q_link[3]",
+        "dq_link[1]",
+        "dq_link[2]",
+        "dq_link[3]",
+    ]
     # four-point differences with a step of 1e-4: error about 1e-9 relative
     assert np.allclose(own[3:6, :6], np.hstack([-spring, -damper]), atol=1e-7 * np.abs(damper).max())
     assert np.allclose(remote[3:6, 6:9], spring, atol=1e-7 * np.abs(spring).max())
@@ -63,7 +70,9 @@ def test_spectral_boundaries_of_all_sets_are_those_of_their_heaviest_direction(f
     printed = {"UR": 0.462, "FS": 0.423, "GCW": 0.386, "USD": 0.440, "USD+GCW": 0.391, "segment": 0.421}
     for name in SET_NAMES:
         loop = linearise(at_pose(with_parameters(scenario, {"arm_*.parameter_set": name}), (0.0, 0.0, 0.0)), system)
-        inverse = jacobian(np.zeros(3)) @ np.linalg.solve(mass_matrix(parameter_set(name).pi, np.zeros(3)), jacobian(np.zeros(3)).T)
+        inverse = jacobian(np.zeros(3)) @ np.linalg.solve(
+            mass_matrix(parameter_set(name).pi, np.zeros(3)), jacobian(np.zeros(3)).T
+        )
         heaviest = 1.0 / np.linalg.eigvalsh(inverse)[0]
         found = max_delay(loop.family())
         assert found == pytest.approx(closed_form(heaviest, 0.25, 0.09), rel=1e-7)
@@ -84,9 +93,18 @@ def test_simulated_boundary_within_half_a_percent_of_the_spectrum(free, name):
 def test_boundary_at_1_khz_is_less_by_the_age_of_the_received_sample(algorithm, age):
     """Coupling and damping inside the device, so that only the received sample crosses FMUs: T* - H/2 or T* - 3H/2, within 0.02 %."""
     scenario = load_scenario("sallam-nmm")
-    scenario = with_parameters(scenario, SMALL | {
-        "arm_*.stiffness": 0.25, "arm_*.damping": 0.09, "arm_*.coulomb": 0.0, "arm_*.internal_steps": 1,
-        "experiment.algorithm": algorithm, "experiment.extrapolation": "hold"})
+    scenario = with_parameters(
+        scenario,
+        SMALL
+        | {
+            "arm_*.stiffness": 0.25,
+            "arm_*.damping": 0.09,
+            "arm_*.coulomb": 0.0,
+            "arm_*.internal_steps": 1,
+            "experiment.algorithm": algorithm,
+            "experiment.extrapolation": "hold",
+        },
+    )
     with open_system(scenario) as system:
         loop = linearise(scenario, system)
         exact = max_delay(linearise(with_parameters(scenario, {"experiment.extrapolation": "linear"}), system).family())
@@ -109,7 +127,9 @@ def test_ages_of_the_own_paths_move_the_boundary_further_as_predicted(free, algo
 
 def test_channel_bounds_follow_the_law(free):
     scenario, system = free
-    uniform = with_parameters(scenario, {"channel_*.law": "uniform", "channel_*.delay_min": 0.1, "channel_*.delay_max": 0.3})
+    uniform = with_parameters(
+        scenario, {"channel_*.law": "uniform", "channel_*.delay_min": 0.1, "channel_*.delay_max": 0.3}
+    )
     loop = linearise(uniform, system)
     assert not loop.constant and loop.longest == (0.3, 0.3) and loop.delays == (0.2, 0.2)
 

@@ -4,8 +4,17 @@ import numpy as np
 import pytest
 
 from cosim.stability.criteria import closed_form
-from cosim.stability.spectrum import (DelayFamily, DelaySystem, abscissa, chebyshev, count_right, max_delay, position_loop,
-                                      root_rate, roots)
+from cosim.stability.spectrum import (
+    DelayFamily,
+    DelaySystem,
+    abscissa,
+    chebyshev,
+    count_right,
+    max_delay,
+    position_loop,
+    root_rate,
+    roots,
+)
 
 tdcpy = pytest.importorskip("tdcpy")
 qpmr = pytest.importorskip("qpmr")
@@ -14,15 +23,17 @@ qpmr = pytest.importorskip("qpmr")
 def random_sides(rng, equal):
     """Mass, stiffness, damping of both sides: mu from 0.52 to 100, six decades of time scales."""
     lanes = 1 if equal else 2
-    stiffness, damping = 10**rng.uniform(-1, 2, lanes), 10**rng.uniform(-1, 1, lanes)
-    mass = 10**rng.uniform(np.log10(0.52), 2, lanes) * damping**2 / stiffness
+    stiffness, damping = 10 ** rng.uniform(-1, 2, lanes), 10 ** rng.uniform(-1, 1, lanes)
+    mass = 10 ** rng.uniform(np.log10(0.52), 2, lanes) * damping**2 / stiffness
     return tuple(np.broadcast_to(part, 2) for part in (mass, stiffness, damping))
 
 
 def outside(system, above):
     """Roots by tdcpy with Im >= 0, the ones its Newton left unconverged dropped by the residual of the characteristic matrix."""
     delays, index = np.unique(system.delays, return_inverse=True)
-    stacked = np.stack([sum(system.matrices[i] for i in np.flatnonzero(index == k)) for k in range(len(delays))], axis=2)
+    stacked = np.stack(
+        [sum(system.matrices[i] for i in np.flatnonzero(index == k)) for k in range(len(delays))], axis=2
+    )
     with np.errstate(all="ignore"):
         found, _ = tdcpy.roots(tdcpy.RDDE(stacked, delays), r=above, discretization=30)
     norm = max(np.linalg.norm(matrix, 2) for matrix in system.matrices)
@@ -56,7 +67,7 @@ def closed_form_deviation(rng, count):
         exact = closed_form(mass[0], stiffness[0], damping[0])
         family = position_loop(mass, stiffness, damping)
         own = max(own, abs(max_delay(family) / exact - 1.0))
-        frequency = damping[0] / mass[0] * np.sqrt(2 * mass[0] * stiffness[0] / damping[0]**2 - 1)
+        frequency = damping[0] / mass[0] * np.sqrt(2 * mass[0] * stiffness[0] / damping[0] ** 2 - 1)
         found = outside(family.at(exact), -0.2 * frequency)
         root = found[np.argmin(np.abs(found - 1j * frequency))]
         theirs = max(theirs, abs(root.real / root_rate(family, exact, root).real) / exact)
@@ -92,8 +103,12 @@ def test_abscissa_agrees_with_qpmr():
         coupling = [-stiffness[0] * stiffness[1], 0, 0, 0, 0]
         left = rate - 0.2 * width
         with np.errstate(all="ignore"):
-            found, _ = qpmr.qpmr(np.array([polynomial, coupling]), np.array([0, 2 * delay]),
-                                 region=[left, max(rate, 0) + width, -0.01 * width, width], ds=width / 100)
+            found, _ = qpmr.qpmr(
+                np.array([polynomial, coupling]),
+                np.array([0, 2 * delay]),
+                region=[left, max(rate, 0) + width, -0.01 * width, width],
+                ds=width / 100,
+            )
         found = found[np.abs(found) > 1e-6 * width]
         assert found.real.max() == pytest.approx(rate, abs=1e-9 * max(1.0, width))
 

@@ -104,7 +104,9 @@ def test_evidence_is_the_strongest_that_holds():
 
 def test_identified_negative_viscosity_takes_the_guarantee_away():
     """UR with its own friction: the least viscosity in the workspace is below -B, so that nothing is guaranteed."""
-    scenario = with_parameters(load_scenario("sallam-nodelay"), {"arm_*.parameter_set": "UR", "arm_*.viscous": [-2.08e-3, -1.28e-3, -0.18e-3]})
+    scenario = with_parameters(
+        load_scenario("sallam-nodelay"), {"arm_*.parameter_set": "UR", "arm_*.viscous": [-2.08e-3, -1.28e-3, -0.18e-3]}
+    )
     with open_system(scenario) as system:
         said = theory(system.wiring(scenario), linearise(scenario, system))
     assert said.delay_sum.max_delay == 0.0 and not said.delay_sum.holds

@@ -41,11 +41,21 @@ def test_every_shipped_sweep_loads_and_names_an_existing_scenario():
 
 def test_a_bad_sweep_reports_everything_at_once(tmp_path):
     path = tmp_path / "bad.toml"
-    path.write_text('format = 1\nscenaro = "x"\n[[axes]]\nname = "k"\nlow = 2\nhigh = 1\n[[axes]]\nname = "k"\npaths = ["a.b"]\n')
+    path.write_text(
+        'format = 1\nscenaro = "x"\n[[axes]]\nname = "k"\nlow = 2\nhigh = 1\n[[axes]]\nname = "k"\npaths = ["a.b"]\n'
+    )
     with pytest.raises(InputError) as caught:
         load_sweep(str(path))
     text = str(caught.value)
-    for part in ("scenaro", "did you mean", "one of [grid]", "paths or choices", "low < high", "'k' twice", "name of a scenario"):
+    for part in (
+        "scenaro",
+        "did you mean",
+        "one of [grid]",
+        "paths or choices",
+        "low < high",
+        "'k' twice",
+        "name of a scenario",
+    ):
         assert part in text
 
 
@@ -163,7 +173,9 @@ def test_dask_gives_the_same_table(tmp_path):
     described = sweep(design=Random(30, seed=3))
     with Here() as staff:
         expected = json.dumps(columns(carry_out(described, tmp_path / "here", staff)))
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
         with DaskPool(cluster.scheduler_address) as staff:
             found = json.dumps(columns(carry_out(described, tmp_path / "dask", staff)))
     assert found == expected

@@ -38,8 +38,16 @@ def verdicts(delays, kind="free", law=None, stop=STOP):
     start[lanes:, 1] += 1e-6
     start[lanes:, 3] -= 1e-6
     both = np.concatenate([delays, delays])
-    time, y = integrate(MASS, STIFFNESS, DAMPING, law(both) if law else lambda t: both, stop, start, STEP,
-                        lambda t: np.full(2 * lanes, force(t)))
+    time, y = integrate(
+        MASS,
+        STIFFNESS,
+        DAMPING,
+        law(both) if law else lambda t: both,
+        stop,
+        start,
+        STEP,
+        lambda t: np.full(2 * lanes, force(t)),
+    )
     pushed = np.array([force(t) for t in time]) if speed == 0.0 else None
     return [judge(result(time, y[:, k], pushed), result(time, y[:, lanes + k], pushed)) for k in range(lanes)]
 
@@ -87,19 +95,19 @@ def test_rates_and_intervals_on_both_sides_of_the_boundary():
 
 def test_a_norm_threshold_would_be_wrong_where_the_verdict_is_right():
     """A forced stable loop moves far and a growing loop hardly at all: only the rate tells them apart."""
-    far, = verdicts([0.99 * BOUNDARY], "sine", stop=60.0)
-    near, = verdicts([1.01 * BOUNDARY], "free", stop=60.0)
+    (far,) = verdicts([0.99 * BOUNDARY], "sine", stop=60.0)
+    (near,) = verdicts([1.01 * BOUNDARY], "free", stop=60.0)
     assert far.outcome is Outcome.CONVERGED and near.outcome is Outcome.GROWING
 
 
 def test_the_run_on_the_boundary_is_not_called_growing_or_converged():
-    verdict, = verdicts([BOUNDARY], "sine")
+    (verdict,) = verdicts([BOUNDARY], "sine")
     assert abs(verdict.growth_rate) < 1e-6
 
 
 def test_round_off_floor_is_left_out():
     """A loop that forgets its start within seconds: the rate must come from before the floor, not from the noise on it."""
-    verdict, = verdicts([0.05 * BOUNDARY], stop=60.0)
+    (verdict,) = verdicts([0.05 * BOUNDARY], stop=60.0)
     assert verdict.growth_rate == pytest.approx(abscissa(FAMILY.at(0.05 * BOUNDARY)), rel=1e-3)
     assert verdict.window[1] < 40.0
 
@@ -138,7 +146,9 @@ def test_limit_cycle_and_ends_of_runs():
 
 
 def test_saturated_moments_are_left_out():
-    time, y = integrate(MASS, STIFFNESS, DAMPING, lambda t: 1.2 * BOUNDARY, 40.0, [[0, 0.1, 0, 0], [0, 0.1 + 1e-6, 0, -1e-6]], STEP)
+    time, y = integrate(
+        MASS, STIFFNESS, DAMPING, lambda t: 1.2 * BOUNDARY, 40.0, [[0, 0.1, 0, 0], [0, 0.1 + 1e-6, 0, -1e-6]], STEP
+    )
     y[2000:, 1] += 1e-3 * np.sin(40 * time[2000:, None])  # nonsense after the limit was hit
     one, other = result(time, y[:, 0]), result(time, y[:, 1])
     one.signals["arm_l.saturated"] = (np.arange(len(time)) >= 2000).astype(float)

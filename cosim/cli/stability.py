@@ -9,9 +9,15 @@ import typer
 
 def command(
     scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")],
-    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")] = None,
-    pose: Annotated[Optional[str], typer.Option(help="joint angles q1,q2,q3 [rad] of both arms (default: the scenario's start)")] = None,
-    out: Annotated[Optional[Path], typer.Option(help="folder for the results (default: results/SCENARIO-stability)")] = None,
+    set_: Annotated[
+        Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
+    ] = None,
+    pose: Annotated[
+        Optional[str], typer.Option(help="joint angles q1,q2,q3 [rad] of both arms (default: the scenario's start)")
+    ] = None,
+    out: Annotated[
+        Optional[Path], typer.Option(help="folder for the results (default: results/SCENARIO-stability)")
+    ] = None,
     effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
@@ -83,8 +89,13 @@ def _spoken(found, folder: Path) -> str:
     t, judged = found.theory, found.judged
     rows = [("pose", "q = (" + ", ".join(f"{q:g}" for q in t.pose) + ") rad")]
     if t.delay_sum:
-        rows += [("delay-sum condition", _verdict(t.delay_sum.holds, "guaranteed", "not guaranteed", t.delay_sum.max_delay)),
-                 ("Sallam Eq. 10 (not sufficient)", _verdict(t.sallam_eq10.holds, "satisfied", "not satisfied", t.sallam_eq10.max_delay))]
+        rows += [
+            ("delay-sum condition", _verdict(t.delay_sum.holds, "guaranteed", "not guaranteed", t.delay_sum.max_delay)),
+            (
+                "Sallam Eq. 10 (not sufficient)",
+                _verdict(t.sallam_eq10.holds, "satisfied", "not satisfied", t.sallam_eq10.max_delay),
+            ),
+        ]
     if t.law_bound is not None:
         rows += [("any law, this plant", _verdict(t.known_mass, "guaranteed", "not guaranteed", t.law_bound))]
     if t.abscissa is not None:

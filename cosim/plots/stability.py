@@ -17,8 +17,13 @@ def stability_report(found: Comparison, loop: Loop) -> Report:
     unstable = found.evidence is Evidence.FALSIFIED
     sections = [_conditions(found), *_linear(found, loop), _read(found)]
     facts = provenance(found.judged.result) | {"command": command_line()}
-    return Report(f"Stability of {found.judged.result.scenario.name}", _verdict(found), sections, facts,
-                  mood="bad" if unstable else "good" if found.evidence is not Evidence.NONE else "neutral")
+    return Report(
+        f"Stability of {found.judged.result.scenario.name}",
+        _verdict(found),
+        sections,
+        facts,
+        mood="bad" if unstable else "good" if found.evidence is not Evidence.NONE else "neutral",
+    )
 
 
 def _verdict(found: Comparison) -> str:
@@ -31,22 +36,46 @@ def _conditions(found: Comparison) -> Section:
     t = found.theory
     rows = []
     if t.delay_sum:
-        rows += [["4 B_l B_r > (T_l + T_r)^2 K_l K_r", _says(t.delay_sum.holds), t.delay_sum.max_delay, t.delay_sum.guarantees],
-                 ["Sallam Eq. 10 as printed", _says(t.sallam_eq10.holds), t.sallam_eq10.max_delay, t.sallam_eq10.guarantees]]
+        rows += [
+            [
+                "4 B_l B_r > (T_l + T_r)^2 K_l K_r",
+                _says(t.delay_sum.holds),
+                t.delay_sum.max_delay,
+                t.delay_sum.guarantees,
+            ],
+            ["Sallam Eq. 10 as printed", _says(t.sallam_eq10.holds), t.sallam_eq10.max_delay, t.sallam_eq10.guarantees],
+        ]
     if t.law_bound is not None:
-        rows += [["scaled small gain, this plant", _says(t.known_mass), t.law_bound, "near the pose, every delay law below the bound"]]
+        rows += [
+            [
+                "scaled small gain, this plant",
+                _says(t.known_mass),
+                t.law_bound,
+                "near the pose, every delay law below the bound",
+            ]
+        ]
     if t.abscissa is not None:
         says = f"{'unstable' if t.abscissa > 0 else 'stable'} ({t.abscissa:+.5f} 1/s)"
         rows += [["exact spectrum", says, found.max_delay, "near the pose, constant delay; necessary and sufficient"]]
     if found.margins is not None:
         m = found.margins
-        rows += [["delay margin (python-control)", f"phase {m.phase:.4g} deg", m.delay, "more delay each way until the first crossing"]]
+        rows += [
+            [
+                "delay margin (python-control)",
+                f"phase {m.phase:.4g} deg",
+                m.delay,
+                "more delay each way until the first crossing",
+            ]
+        ]
     rate = "" if found.judged.growth_rate is None else f" ({found.judged.growth_rate:+.5f} 1/s)"
     rows += [["co-simulation, twin runs", found.judged.outcome.value + rate, None, "this motion, these delays"]]
     delays = "delays " + ", ".join(f"{d:g} s" for d in t.delays) + (" constant" if t.constant else " on average")
     pose = ", ".join(f"{q:g}" for q in t.pose)
-    return Section("What each condition says", f"At q = ({pose}) rad, {delays}.",
-                   [Table(["condition", "says", "largest delay each way [s]", "what that covers"], rows)])
+    return Section(
+        "What each condition says",
+        f"At q = ({pose}) rad, {delays}.",
+        [Table(["condition", "says", "largest delay each way [s]", "what that covers"], rows)],
+    )
 
 
 def _says(holds: bool) -> str:
@@ -57,8 +86,10 @@ def _linear(found: Comparison, loop: Loop) -> list[Section]:
     family = loop.family()
     if family is None or found.theory.abscissa is None:
         return []
-    text = ("Left: characteristic loci of the loop opened at the channels, with the exact delay; they pass -1 at zero frequency because the free "
-            "loop is neutral against a common displacement. Middle: rightmost roots. Right: growth rate against constant delay.")
+    text = (
+        "Left: characteristic loci of the loop opened at the channels, with the exact delay; they pass -1 at zero frequency because the free "
+        "loop is neutral against a common displacement. Middle: rightmost roots. Right: growth rate against constant delay."
+    )
     fig, axes = figure(1, 3, width=10.5, height=3.6)
     _nyquist(axes[0, 0], found, family)
     _roots(axes[0, 1], loop)
@@ -100,8 +131,18 @@ def _against_delay(axes, found: Comparison, family) -> None:
 def _read(found: Comparison) -> Section:
     ages = [[name, 1e3 * value] for name, value in found.added_ages.items()]
     ports = [[arm, "passive" if p.passive else "not passive", p.damping] for arm, p in found.ports.items()]
-    damping = [[s.arm, float(s.damping.min()), s.viscosity.value, float(s.effective.min())] for s in found.theory.pair or ()]
-    tables = [Table(["arm", "controller B", "plant, least in the workspace", "effective"], damping, "Damping counted on")] if damping else []
-    tables += [Table(["arm", "port", "least real part of its impedance [N s/m]"], ports, "Passivity of the plant's port")] if ports else []
+    damping = [
+        [s.arm, float(s.damping.min()), s.viscosity.value, float(s.effective.min())] for s in found.theory.pair or ()
+    ]
+    tables = (
+        [Table(["arm", "controller B", "plant, least in the workspace", "effective"], damping, "Damping counted on")]
+        if damping
+        else []
+    )
+    tables += (
+        [Table(["arm", "port", "least real part of its impedance [N s/m]"], ports, "Passivity of the plant's port")]
+        if ports
+        else []
+    )
     tables += [Table(["way", "age added [ms]"], ages, "Mean age that the co-simulation adds")]
     return Section("How to read it", "\n\n".join(notes(found)), tables)

@@ -21,15 +21,31 @@ _MARKS = {
     "converged": (BLUE, "o"), "growing": (ORANGE, "^"), "diverged": (ORANGE, "X"), "limit_cycle": (PURPLE, "D"), "bounded": (SKY, "s"),
     "limit_hit": (PURPLE, "v"), "domain_exit": (PURPLE, "P"), "inconclusive": (GREY, "*"), "failed": (BLACK, "x"),
 }  # fmt: skip
-_THEORY = {"delay_sum": ("4 B_l B_r > (T_l + T_r)^2 K_l K_r", "-"), "sallam_eq10": ("Sallam Eq. 10 (not sufficient)", ":"),
-           "closed_form": ("exact spectrum", "--"), "spectrum": ("exact spectrum at the start pose", "--")}
+_THEORY = {
+    "delay_sum": ("4 B_l B_r > (T_l + T_r)^2 K_l K_r", "-"),
+    "sallam_eq10": ("Sallam Eq. 10 (not sufficient)", ":"),
+    "closed_form": ("exact spectrum", "--"),
+    "spectrum": ("exact spectrum at the start pose", "--"),
+}
 _ROWS = 400
 
 
 def sweep_report(campaign: Campaign) -> Report:
     """The report of a sweep that was carried out."""
-    sections = [*_maps(campaign), *_crossings(campaign), *_shares(campaign), _evidence(campaign), *_audits(campaign), _points(campaign)]
-    facts = {"sweep": settings(campaign.sweep), "executor": campaign.executor, "versions": versions(), "command": command_line()}
+    sections = [
+        *_maps(campaign),
+        *_crossings(campaign),
+        *_shares(campaign),
+        _evidence(campaign),
+        *_audits(campaign),
+        _points(campaign),
+    ]
+    facts = {
+        "sweep": settings(campaign.sweep),
+        "executor": campaign.executor,
+        "versions": versions(),
+        "command": command_line(),
+    }
     return Report(campaign.sweep.title or campaign.sweep.name, _verdict(campaign), sections, facts)
 
 
@@ -55,11 +71,19 @@ def _maps(campaign: Campaign) -> list[Section]:
     numeric = [axis for axis in sweep.axes if axis.numeric]
     if sweep.traced or len(numeric) < 2:
         return []
-    return [Section("Stability map", "All points, seen along the first two numeric axes.", figures=[_map(campaign, None, *numeric[:2])])]
+    return [
+        Section(
+            "Stability map",
+            "All points, seen along the first two numeric axes.",
+            figures=[_map(campaign, None, *numeric[:2])],
+        )
+    ]
 
 
-_READING = ("Circles: small disturbances die out. Triangles: they grow. The black line is the boundary found by simulation; theory curves "
-            "lie over it. Points crowd where the boundary is.")
+_READING = (
+    "Circles: small disturbances die out. Triangles: they grow. The black line is the boundary found by simulation; theory curves "
+    "lie over it. Points crowd where the boundary is."
+)
 
 
 def _map(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> Figure:
@@ -94,7 +118,9 @@ def _scatter(plot, marks: Sequence[tuple[float, float, str]]) -> None:
     for outcome in dict.fromkeys(o for _, _, o in marks):
         colour, shape = _MARKS[outcome]
         places = np.array([(a, b) for a, b, o in marks if o == outcome])
-        plot.plot(*places.T, shape, color=colour, markersize=4, linestyle="none", alpha=0.8, label=outcome.replace("_", " "))
+        plot.plot(
+            *places.T, shape, color=colour, markersize=4, linestyle="none", alpha=0.8, label=outcome.replace("_", " ")
+        )
 
 
 def _framed(plot, x: Axis, y: Axis) -> None:
@@ -115,7 +141,10 @@ def _crossings(campaign: Campaign) -> list[Section]:
     if len(sweep.traced) != 1:
         return []
     axis, last = sweep.traced[0], sweep.enumerated[-1] if sweep.enumerated else None
-    rows = [[c.label or "-", ", ".join(f"{line[0][0]:.6g}" for line in c.lines) or f"none in [{axis.low:g}, {axis.high:g}]"] for c in campaign.curves]
+    rows = [
+        [c.label or "-", ", ".join(f"{line[0][0]:.6g}" for line in c.lines) or f"none in [{axis.low:g}, {axis.high:g}]"]
+        for c in campaign.curves
+    ]
     table = Table([", ".join(a.name for a in sweep.enumerated) or "-", f"boundary {_label(axis)}"], rows)
     figures = []
     if last is not None:
@@ -133,7 +162,9 @@ def _crossing_plot(plot, campaign: Campaign, axis: Axis, last: Axis) -> None:
     names = [c.label for c in last.choices]
     for k, (prefix, pairs) in enumerate(groups.items()):
         places = [names.index(a) if names else a for a, _ in pairs]
-        plot.plot(places, [b for _, b in pairs], "o" if names else "o-", color=COLOURS[k % len(COLOURS)], label=prefix or None)
+        plot.plot(
+            places, [b for _, b in pairs], "o" if names else "o-", color=COLOURS[k % len(COLOURS)], label=prefix or None
+        )
     if names:
         plot.set_xticks(range(len(names)), names)
     elif last.scale.value == "log":
@@ -150,15 +181,26 @@ def _shares(campaign: Campaign) -> list[Section]:
     design = campaign.sweep.design
     if not isinstance(design, MonteCarlo):
         return []
-    rows = [[s.label, s.stable, s.decided, s.undecided, s.value, f"{s.low:.3f} to {s.high:.3f}"] for s in shares(campaign, design.level)]
+    rows = [
+        [s.label, s.stable, s.decided, s.undecided, s.value, f"{s.low:.3f} to {s.high:.3f}"]
+        for s in shares(campaign, design.level)
+    ]
     head = ["points", "stable", "decided", "undecided", "share stable", f"{100 * design.level:g} % interval"]
-    return [Section("Share of stable points", "Clopper-Pearson intervals; undecided points are left out.", [Table(head, rows)])]
+    return [
+        Section(
+            "Share of stable points", "Clopper-Pearson intervals; undecided points are left out.", [Table(head, rows)]
+        )
+    ]
 
 
 def _evidence(campaign: Campaign) -> Section:
     counts = Counter(f.evidence for f in campaign.findings)
     rows = [[e.value, counts[e.value], e.meaning] for e in Evidence if counts[e.value]]
-    return Section("Strongest evidence", "For each point the strongest statement that holds.", [Table(["evidence", "points", "what it says"], rows)])
+    return Section(
+        "Strongest evidence",
+        "For each point the strongest statement that holds.",
+        [Table(["evidence", "points", "what it says"], rows)],
+    )
 
 
 def _audits(campaign: Campaign) -> list[Section]:
@@ -166,9 +208,22 @@ def _audits(campaign: Campaign) -> list[Section]:
             for c in campaign.curves if c.audit is not None and c.audit.points]  # fmt: skip
     if not rows:
         return []
-    text = ("Random places, evaluated after the boundary was traced. Where one contradicts the map the boundary is refined there and the "
-            "audit begins again with new places; the bound comes from the last round.")
-    return [Section("Audit", text, [Table(["map", "places a round", "wrong in the last", "rounds", "found and traced", "missed area below"], rows)])]
+    text = (
+        "Random places, evaluated after the boundary was traced. Where one contradicts the map the boundary is refined there and the "
+        "audit begins again with new places; the bound comes from the last round."
+    )
+    return [
+        Section(
+            "Audit",
+            text,
+            [
+                Table(
+                    ["map", "places a round", "wrong in the last", "rounds", "found and traced", "missed area below"],
+                    rows,
+                )
+            ],
+        )
+    ]
 
 
 def _points(campaign: Campaign) -> Section:
@@ -176,5 +231,8 @@ def _points(campaign: Campaign) -> Section:
     rows = [[n, *p.entries, f.outcome, f.growth_rate if np.isfinite(f.growth_rate) else None, f.evidence, replay(campaign.sweep, p)]
             for n, (p, f) in enumerate(zip(campaign.points, campaign.findings), 1)]  # fmt: skip
     more = "" if len(rows) <= _ROWS else f" The first {_ROWS} of {len(rows)}; all of them are in sweep.h5."
-    return Section("Points", "Every point with the command that runs it as one co-simulation." + more,
-                   [Table(["no.", *names, "outcome", "growth rate [1/s]", "evidence", "replay"], rows[:_ROWS])])
+    return Section(
+        "Points",
+        "Every point with the command that runs it as one co-simulation." + more,
+        [Table(["no.", *names, "outcome", "growth rate [1/s]", "evidence", "replay"], rows[:_ROWS])],
+    )

@@ -120,8 +120,16 @@ def theory(wiring: Wiring, loop: Loop) -> Theory:
     """All conditions for the delays of the scenario. The criteria take the greatest delays, the spectrum the mean ones."""
     pair, family = sides(wiring), loop.family()
     criteria = [c(coupling(pair), *loop.longest) for c in (delay_sum, sallam_eq10)] if pair and family else [None, None]
-    return Theory(pose_of(wiring), loop.delays, loop.longest, loop.constant, pair, *criteria,
-                  delay_law_bound(family) if family else None, _finite(abscissa(loop.system())) if complete(wiring) else None)
+    return Theory(
+        pose_of(wiring),
+        loop.delays,
+        loop.longest,
+        loop.constant,
+        pair,
+        *criteria,
+        delay_law_bound(family) if family else None,
+        _finite(abscissa(loop.system())) if complete(wiring) else None,
+    )
 
 
 def complete(wiring: Wiring) -> bool:
@@ -136,7 +144,9 @@ def _finite(value: float) -> float | None:
 
 def pose_of(wiring: Wiring) -> tuple[float, ...]:
     """Start pose of the local arm (or of the first arm) [rad]; empty without one."""
-    names = wiring.scenario.arms or [n for n in wiring.scenario.components if wiring.descriptions[n].elements("q_start")]
+    names = wiring.scenario.arms or [
+        n for n in wiring.scenario.components if wiring.descriptions[n].elements("q_start")
+    ]
     return tuple(_Values(wiring, names[0]).vector("q_start").tolist()) if names else ()
 
 
@@ -161,4 +171,6 @@ def _port(fmu: LinearFmu, inputs: list[str], outputs: list[str]) -> PortPassivit
     columns, rows = [fmu.inputs.index(i) for i in inputs], [fmu.outputs.index(o) for o in outputs]
     total = np.abs(fmu.a)
     kept = [k for k in range(len(fmu.states)) if total[k].any() or np.abs(fmu.b[k]).any()]
-    return port_passivity(fmu.a[np.ix_(kept, kept)], fmu.b[np.ix_(kept, columns)], fmu.c[np.ix_(rows, kept)], fmu.d[np.ix_(rows, columns)])
+    return port_passivity(
+        fmu.a[np.ix_(kept, kept)], fmu.b[np.ix_(kept, columns)], fmu.c[np.ix_(rows, kept)], fmu.d[np.ix_(rows, columns)]
+    )

@@ -28,8 +28,9 @@ def task_viscosity(viscous: np.ndarray, poses: np.ndarray) -> np.ndarray:
     return np.linalg.eigvalsh(task)[..., 0]
 
 
-def least_task_viscosity(viscous: np.ndarray, workspace: Workspace | None = None,
-                         least_radius: float = LEAST_RADIUS, per_axis: int = 161) -> LeastViscosity:
+def least_task_viscosity(
+    viscous: np.ndarray, workspace: Workspace | None = None, least_radius: float = LEAST_RADIUS, per_axis: int = 161
+) -> LeastViscosity:
     """Minimum of `task_viscosity` over the workspace, by a grid in (q2, q3) refined three times round its best point.
 
     q1 turns the tip frame and leaves the eigenvalues alone. Poses with |r| < `least_radius` [m] are left out.

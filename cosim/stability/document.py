@@ -61,7 +61,9 @@ def notes(found: Comparison) -> list[str]:
     """What a reader should know before believing a number."""
     t, said = found.theory, list(found.judged.notes)
     if not t.constant:
-        said.append("the delay varies: the spectrum is that of the mean delay and proves nothing for the law; the criteria take its bound")
+        said.append(
+            "the delay varies: the spectrum is that of the mean delay and proves nothing for the law; the criteria take its bound"
+        )
     if t.pair and not all(side.compensated for side in t.pair):
         said.append("gravity is not compensated: delay_sum and sallam_eq10 assume that it is")
     if t.delay_sum and t.sallam_eq10 and t.sallam_eq10.holds and not t.delay_sum.holds:
@@ -73,13 +75,23 @@ def notes(found: Comparison) -> list[str]:
 
 def _side(side) -> dict[str, object]:
     unit = "N.m.s/rad" if side.joint_space else "N.s/m"
-    return {"controller": side.damping.tolist(), "plant": side.viscosity.value, "at_pose": list(side.viscosity.pose), "unit": unit}
+    return {
+        "controller": side.damping.tolist(),
+        "plant": side.viscosity.value,
+        "at_pose": list(side.viscosity.pose),
+        "unit": unit,
+    }
 
 
 def _criterion(criterion: Criterion | None) -> dict[str, object] | None:
     if criterion is None:
         return None
-    return {"holds": criterion.holds, **_delay(criterion.max_delay), "sufficient": criterion.sufficient, "guarantees": criterion.guarantees}
+    return {
+        "holds": criterion.holds,
+        **_delay(criterion.max_delay),
+        "sufficient": criterion.sufficient,
+        "guarantees": criterion.guarantees,
+    }
 
 
 def _delay(value: float | None) -> dict[str, object]:

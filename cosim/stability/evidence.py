@@ -34,12 +34,17 @@ UNSTABLE = (Outcome.GROWING, Outcome.LIMIT_CYCLE, Outcome.DIVERGED)
 """Outcomes that show an unstable loop."""
 
 
-def strongest(outcome: Outcome | None, any_mass: bool = False, known_mass: bool = False, abscissa: float | None = None,
-              constant: bool = True) -> Evidence:
+def strongest(
+    outcome: Outcome | None,
+    any_mass: bool = False,
+    known_mass: bool = False,
+    abscissa: float | None = None,
+    constant: bool = True,
+) -> Evidence:
     """The strongest evidence, given the simulated outcome (None: not simulated) and what the conditions say.
 
-    A simulation that grows falsifies whatever a condition said (its assumptions did not hold). `abscissa` [1/s] counts only for
-    `constant` delays; None where there is no linearisation.
+    A simulation that grows falsifies whatever a condition said (its assumptions did not hold). `abscissa` [1/s]
+    counts only for `constant` delays; None where there is no linearisation.
     """
     if outcome in UNSTABLE:
         return Evidence.FALSIFIED

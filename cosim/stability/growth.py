@@ -1,15 +1,15 @@
 """Growth rate of a small difference between two runs, with an interval: what stability means in a simulation.
 
-The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are. Two estimators
-of its exponential rate are made:
+The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are.
+Two estimators of its exponential rate are made:
 
 * modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of overlapping windows,
   the least damped of those that carry the difference; the interval is the spread over windows.
 * envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation, which makes the
   envelope of one mode free of ripple; the interval is the spread over blocks.
 
-The envelope's is kept unless the modes' interval is at least five times narrower, which says that the modes explain the difference: picking the
-narrower of two comparable intervals would make intervals too narrow.
+The envelope's is kept unless the modes' interval is at least five times narrower, which says that the modes explain
+the difference: picking the narrower of two comparable intervals would make intervals too narrow.
 """
 
 import numpy as np
@@ -44,7 +44,8 @@ class Growth:
 def usable(norm: np.ndarray, floor: float, ceiling: float) -> slice:
     """The longest stretch of `norm` (n,) that lies above the round-off `floor` and below the saturation `ceiling`.
 
-    The norm oscillates, so a moment counts as at the floor only if it and what follows within 2 % of the run stay there.
+    The norm oscillates, so a moment counts as at the floor only if it and what follows within 2 % of the run stay
+    there.
     """
     if len(norm) == 0:
         return slice(0, 0)
@@ -124,14 +125,21 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float) -> Growth | N
     if length < 40:
         return None
     starts = first + np.linspace(0, count - first - length, 3).astype(int)
-    windows = [dominant_mode(time[s:s + length], level[s:s + length]) for s in starts]
+    windows = [dominant_mode(time[s : s + length], level[s : s + length]) for s in starts]
     if any(mode is None for mode in windows):
         return None
     rates = np.array([mode.real for mode in windows])
     rate, half = _interval(rates)
     # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by sqrt(3).
     half = max(np.sqrt(3.0) * half, 1e-9)
-    return Growth(rate, float(rate - half), float(rate + half), float(abs(windows[-1].imag)), (float(time[first]), float(time[-1])), "modes")
+    return Growth(
+        rate,
+        float(rate - half),
+        float(rate + half),
+        float(abs(windows[-1].imag)),
+        (float(time[first]), float(time[-1])),
+        "modes",
+    )
 
 
 def dominant_mode(time: np.ndarray, signals: np.ndarray) -> complex | None:
@@ -141,7 +149,9 @@ def dominant_mode(time: np.ndarray, signals: np.ndarray) -> complex | None:
     found = poles(y, step)
     if found.size == 0:
         return None
-    shares = np.nan_to_num(_shares(found, y, step), nan=0.0, posinf=0.0)  # a pole out of the range of doubles carries nothing
+    shares = np.nan_to_num(
+        _shares(found, y, step), nan=0.0, posinf=0.0
+    )  # a pole out of the range of doubles carries nothing
     carrying = found[shares > 0.03 * shares.max()]
     return complex(carrying[np.argmax(carrying.real)]) if carrying.size else None
 
@@ -157,8 +167,9 @@ def _principal(signals: np.ndarray, keep: int = 4) -> np.ndarray:
 def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-6) -> np.ndarray:
     """Poles of a sum of exponentials by ESPRIT: shift invariance of the signal subspace of the block Hankel matrix.
 
-    `signals` (n, c) sampled every `step` [s]; the channels stand side by side in the rows, so that modes of nearly the same
-    frequency but different shape are told apart. Singular values below `cut` times the first are noise. Shape (k,) [1/s].
+    `signals` (n, c) sampled every `step` [s]; the channels stand side by side in the rows, so that modes of nearly
+    the same frequency but different shape are told apart. Singular values below `cut` times the first are noise.
+    Shape (k,) [1/s].
     """
     count, channels = signals.shape
     delays = min(count // 2, _ROWS)
@@ -180,7 +191,7 @@ def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
     basis = np.exp(np.clip(np.outer(moments, found).real, -300, 300) + 1j * np.outer(moments, found).imag)
     size = np.linalg.norm(basis, axis=0)
     amplitude = np.linalg.lstsq(basis / size, signals.astype(complex), rcond=1e-10)[0] / size[:, None]
-    late = basis[len(basis) // 2:]
+    late = basis[len(basis) // 2 :]
     return np.sqrt(np.mean(np.abs(late) ** 2, axis=0)) * np.linalg.norm(amplitude, axis=1)
 
 
@@ -197,7 +208,7 @@ def _envelope_growth(time: np.ndarray, level: np.ndarray, frequency: float) -> G
     mean = (power[period:] - power[:-period]) / period
     if np.any(mean <= 0):
         return None
-    moments, log_norm = time[:len(mean)] + 0.5 * (period - 1) * step, 0.5 * np.log(mean)
+    moments, log_norm = time[: len(mean)] + 0.5 * (period - 1) * step, 0.5 * np.log(mean)
     stride = max(1, len(mean) // 800)
     moments, log_norm = moments[::stride], log_norm[::stride]
     found = [_slope(moments, log_norm, begin, frequency) for begin in (0.0, 0.2, 0.4, 0.6)]
@@ -208,9 +219,10 @@ def _envelope_growth(time: np.ndarray, level: np.ndarray, frequency: float) -> G
 def _slope(moments: np.ndarray, log_norm: np.ndarray, begin: float, frequency: float, blocks: int = 6) -> Growth:
     """Least-squares slope with an interval from the slopes of six blocks.
 
-    The interval is Student's (a least-squares slope of a random walk has 6/5 the variance of the mean block slope, and the
-    beginning was chosen: hence the factor 1.3, measured to cover 92 % of random walks), cut to the range of the block slopes,
-    which holds their median with 97 % whatever their distribution: other modes still dying out make a trend, not scatter.
+    The interval is Student's (a least-squares slope of a random walk has 6/5 the variance of the mean block slope,
+    and the beginning was chosen: hence the factor 1.3, measured to cover 92 % of random walks), cut to the range of
+    the block slopes, which holds their median with 97 % whatever their distribution: other modes still dying out make
+    a trend, not scatter.
     """
     first = int(begin * len(moments))
     t, y = moments[first:], log_norm[first:]

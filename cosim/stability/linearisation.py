@@ -1,9 +1,11 @@
 """The loop of a scenario, linearised by its own FMUs at a pose: x' = sum over paths of A x(t - age - channel delays).
 
-Every FMU gives its A, B, C, D by directional derivatives after initialisation at the pose. Outputs that act at once (a controller's
-force) are followed back to states; on the way each connection adds the age that the master gives it (`Hop.age`) and
-each channel its delay. So a loop whose own-position path crosses FMUs carries those ages too: with B the damping and w the frequency
-a held age d of the own position acts like B - K d, one of the velocity like a mass B d more.
+Every FMU gives its A, B, C, D by directional derivatives after initialisation at the pose. Outputs that act at once
+(a controller's force) are followed back to states; on the way each connection adds the age that the master gives it
+(`Hop.age`) and each channel its delay. A loop whose own-position and damping paths cross FMUs carries those ages too:
+to first order an age d of the own position takes K d off the damping (-K x(t - d) = -K x + K d dx), one of the
+velocity B d off the mass; at the crossing frequency w the two together act as B - m w^2 d. So the boundary moves by
+more than the age of the received sample; the spectrum with the age of every path predicts it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +48,8 @@ class LinearFmu:
 class Loop:
     """The linearised loop: names of the states kept, and one matrix (n, n) for every way; delays of the channels [s].
 
-    `channels` maps each channel to its bounds (least, mean, greatest) [s]; `constant` says whether all delays are constant.
+    `channels` maps each channel to its bounds (least, mean, greatest) [s]; `constant` says whether all delays are
+    constant.
     """
 
     states: tuple[str, ...]
@@ -100,8 +103,10 @@ def linearise(scenario: Scenario, system: System) -> Loop:
     slaves = {slave.name: slave for slave in system.slaves(wiring)}
     initialise(wiring, list(slaves.values()))
     channels = channel_bounds(wiring)
-    fmus = {name: _channel(wiring, name) if name in channels else _linear(wiring, name, slaves[name])
-            for name in scenario.components}
+    fmus = {
+        name: _channel(wiring, name) if name in channels else _linear(wiring, name, slaves[name])
+        for name in scenario.components
+    }
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
     if not states:
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))
@@ -110,8 +115,13 @@ def linearise(scenario: Scenario, system: System) -> Loop:
     terms = {way: matrix[np.ix_(kept, kept)] for way, matrix in terms.items()}
     terms = {way: matrix for way, matrix in terms.items() if np.any(matrix) or way == Way(0.0, ())}
     used = {c for way in terms for c in way.channels}
-    return Loop(tuple(states[k] for k in kept), terms, {n: b[:3] for n, b in channels.items() if n in used},
-                all(channels[n][3] for n in used), fmus)
+    return Loop(
+        tuple(states[k] for k in kept),
+        terms,
+        {n: b[:3] for n, b in channels.items() if n in used},
+        all(channels[n][3] for n in used),
+        fmus,
+    )
 
 
 def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]]:
@@ -126,7 +136,9 @@ def _linear(wiring: Wiring, name: str, slave) -> LinearFmu:
     outputs = tuple(dict.fromkeys(link.source.variable for link in wiring.links if link.source.component == name))
     states, slopes = tuple(rates), tuple(rates.values())
     if not states and not (inputs and outputs):
-        return LinearFmu((), inputs, outputs, *(np.zeros((len(r), len(c))) for r in ((), outputs) for c in ((), inputs)))
+        return LinearFmu(
+            (), inputs, outputs, *(np.zeros((len(r), len(c))) for r in ((), outputs) for c in ((), inputs))
+        )
     knowns, unknowns = states + inputs, slopes + outputs
     whole = slave.jacobian(unknowns, knowns)
     n = len(states)
@@ -140,7 +152,9 @@ def _channel(wiring: Wiring, name: str) -> LinearFmu:
     partner = {"y": "u", "w": "v"}
     through = np.array([[float(partner.get(o[0]) == i[0] and o[1:] == i[1:]) for i in inputs] for o in outputs])
     through = through.reshape(len(outputs), len(inputs))
-    return LinearFmu((), inputs, outputs, np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(outputs), 0)), through)
+    return LinearFmu(
+        (), inputs, outputs, np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(outputs), 0)), through
+    )
 
 
 def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
@@ -164,12 +178,16 @@ def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
 class _Paths:
     """Follows signals back to states: each is a sum over ways of a row vector over the states of the system."""
 
-    def __init__(self, wiring: Wiring, fmus: Mapping[str, LinearFmu], states: Sequence[str], channels: set[str]) -> None:
+    def __init__(
+        self, wiring: Wiring, fmus: Mapping[str, LinearFmu], states: Sequence[str], channels: set[str]
+    ) -> None:
         self.fmus, self.place, self.size = fmus, {s: k for k, s in enumerate(states)}, len(states)
         self.channels = channels
         age = {str(hop.connection): hop.age for hop in wiring.hops}
-        self.sources = {str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age))
-                        for link in wiring.links}
+        self.sources = {
+            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age))
+            for link in wiring.links
+        }
         self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
 
     def derivatives(self) -> dict[Way, np.ndarray]:
@@ -196,7 +214,10 @@ class _Paths:
 
     def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
         component, output, age = self.sources[f"{name}.{variable}"]
-        return {Way(round(way.age + age, 12), way.channels): vector for way, vector in self._output(component, output).items()}
+        return {
+            Way(round(way.age + age, 12), way.channels): vector
+            for way, vector in self._output(component, output).items()
+        }
 
     def _output(self, name: str, variable: str) -> dict[Way, np.ndarray]:
         if (name, variable) not in self.known:
@@ -219,8 +240,10 @@ def _age(link, wiring: Wiring, ages: Mapping[str, float]) -> float:
         source, target = connection.source, connection.target
         if (source.component, target.component) != (link.source.component, link.target.component):
             continue
-        if source.variable in (link.source.variable, stem(link.source.variable)) and \
-                target.variable in (link.target.variable, stem(link.target.variable)):
+        if source.variable in (link.source.variable, stem(link.source.variable)) and target.variable in (
+            link.target.variable,
+            stem(link.target.variable),
+        ):
             return ages[str(connection)]
     return 0.0
 

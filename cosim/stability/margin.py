@@ -1,8 +1,9 @@
 """Gain, phase and delay margins through python-control, on exact delay responses. The only importer of `control`.
 
-The loop is opened at the channel: with G(s) the eigenvalues of (s I - F(s))^-1 G_c(s) of a `DelayFamily`, the characteristic
-equation is 1 - g(s) exp(-s T) = 0, so L = -g exp(-s T) meets Nyquist's point -1. The delay is the exact exponential at every
-frequency, never a Pade approximation. A free loop passes -1 at w = 0 for every gain (both arms displaced together).
+The loop is opened at the channel: with G(s) the eigenvalues of (s I - F(s))^-1 G_c(s) of a `DelayFamily`, the
+characteristic equation is 1 - g(s) exp(-s T) = 0, so L = -g exp(-s T) meets Nyquist's point -1. The delay is the
+exact exponential at every frequency, never a Pade approximation. A free loop passes -1 at w = 0 for every gain (both
+arms displaced together).
 """
 
 import numpy as np
@@ -15,8 +16,9 @@ from cosim.stability.spectrum import DelayFamily, _gains, root_bound
 class Margins:
     """Margins of the worst characteristic locus; infinite where the locus never crosses.
 
-    Crossings at zero frequency are left out: a free loop is neutral there, and any gain of the channels alone makes it drift.
-    `gain` [1] factor on the loop gain, `phase` [deg], `delay` [s] more each way until the first crossing, `crossover` [rad/s].
+    Crossings at zero frequency are left out: a free loop is neutral there, and any gain of the channels alone makes
+    it drift. `gain` [1] factor on the loop gain, `phase` [deg], `delay` [s] more each way until the first crossing,
+    `crossover` [rad/s].
     """
 
     gain: float
@@ -63,17 +65,24 @@ def _followed(values: np.ndarray) -> np.ndarray:
 def margins(family: DelayFamily, delay: float) -> Margins:
     """Worst margins over the loci at the channel delay T [s] each way, by `control.stability_margins` on response data.
 
-    Both directions share T, so each locus of the one-channel family carries exp(-s T). The crossings |L| = 1 do not depend on T: their
-    phase margins without delay, over frequency, are the delays they allow, and T uses these up. So `delay` and
-    `phase` are negative for a loop that T makes unstable, and `gain` is then the factor below 1 that makes it stable again.
+    Both directions share T, so each locus of the one-channel family carries exp(-s T). The crossings |L| = 1 do not
+    depend on T: their phase margins without delay, over frequency, are the delays they allow, and T uses these up. So
+    `delay` and `phase` are negative for a loop that T makes unstable, and `gain` is then the factor below 1 that
+    makes it stable again.
     """
     found = [crossing for locus in loci(family, 0.0) for crossing in _crossings(locus)]
     lag, frequency = min(found, default=(np.inf, np.nan))
     left = lag - delay
     gains = [g for locus in loci(family, delay) for g in _gains_at_crossing(locus)]
     stable = left > 0.0
-    gain = min((g for g in gains if g > 1.0), default=np.inf) if stable else max((g for g in gains if g < 1.0), default=0.0)
-    return Margins(float(gain), float(np.rad2deg(left * frequency)) if np.isfinite(left) else np.inf, float(left), float(frequency))
+    gain = (
+        min((g for g in gains if g > 1.0), default=np.inf)
+        if stable
+        else max((g for g in gains if g < 1.0), default=0.0)
+    )
+    return Margins(
+        float(gain), float(np.rad2deg(left * frequency)) if np.isfinite(left) else np.inf, float(left), float(frequency)
+    )
 
 
 def _response(locus: Locus):

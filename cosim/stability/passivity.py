@@ -13,13 +13,20 @@ class PortPassivity:
     frequency: float
 
 
-def port_passivity(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray | None = None,
-                   lowest: float = 1e-2, highest: float = 1e4, samples: int = 600) -> PortPassivity:
+def port_passivity(
+    a: np.ndarray,
+    b: np.ndarray,
+    c: np.ndarray,
+    d: np.ndarray | None = None,
+    lowest: float = 1e-2,
+    highest: float = 1e4,
+    samples: int = 600,
+) -> PortPassivity:
     """Least eigenvalue over frequency of the Hermitian part of Z(i w) = (C (i w I - A)^-1 B + D)^-1, and the verdict on it.
 
-    A linear port is passive if it is stable (roots at zero allowed: a free arm) and Re Z >= 0 at every frequency (positive
-    realness). State space (n, n), (n, m), (m, n), (m, m); f [N] to dx [m/s]. True for small motion about the pose of the linearisation,
-    and on the grid of frequencies [rad/s] only.
+    A linear port is passive if it is stable (roots at zero allowed: a free arm) and Re Z >= 0 at every frequency
+    (positive realness). State space (n, n), (n, m), (m, n), (m, m); f [N] to dx [m/s]. True for small motion about
+    the pose of the linearisation, and on the grid of frequencies [rad/s] only.
     """
     a, b, c = (np.asarray(part, float) for part in (a, b, c))
     d = np.zeros((c.shape[0], b.shape[1])) if d is None else np.asarray(d, float)

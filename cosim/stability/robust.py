@@ -8,11 +8,12 @@ from cosim.stability.spectrum import DelayFamily, abscissa, root_bound
 def delay_law_bound(family: DelayFamily, samples: int = 400) -> float:
     """Largest bound on the delays [s] such that the linear loop is stable for *every* delay law that stays below it.
 
-    x(t) - x(t - T(t)) = Delta dx with an L2 gain of at most max T, whatever T(t) does (Kao and Lincoln 2004, lemma 1). With each channel
-    term B_j = U_j V_j and H(s) = V s (s I - F - G)^-1 U the loop is stable if T ||D H D^-1||_inf < 1; D scales the channels against each
-    other and is chosen best. Assumes the plant as linearised (masses known, small motion about the pose), both delays below
-    the same bound, and stability without delay (else 0). For equal sides it is B/K, as the sum condition: the mass does not help
-    there, but the damping counted is that at the pose, not the least of the workspace.
+    x(t) - x(t - T(t)) = Delta dx with an L2 gain of at most max T, whatever T(t) does (Kao and Lincoln 2004, lemma
+    1). With each channel term B_j = U_j V_j and H(s) = V s (s I - F - G)^-1 U the loop is stable if T ||D H
+    D^-1||_inf < 1; D scales the channels against each other and is chosen best. Assumes the plant as linearised
+    (masses known, small motion about the pose), both delays below the same bound, and stability without delay (else
+    0). For equal sides it is B/K, as the sum condition: the mass does not help there, but the damping counted is that
+    at the pose, not the least of the workspace.
     """
     if not family.channel.matrices or abscissa(family.at(0.0)) >= 0.0:
         return 0.0
@@ -48,7 +49,9 @@ def _response(family: DelayFamily, left: np.ndarray, right: np.ndarray, frequenc
     s = 1j * np.asarray(frequencies)[:, None, None]
     fixed = sum(a * np.exp(-s * d) for a, d in zip(family.fixed.matrices, family.fixed.delays))
     channel = sum(b * np.exp(-s * d) for b, d in zip(family.channel.matrices, family.channel.delays))
-    inner = np.linalg.solve(s * np.eye(family.fixed.size) - fixed - channel, np.broadcast_to(left.astype(complex), (len(s), *left.shape)))
+    inner = np.linalg.solve(
+        s * np.eye(family.fixed.size) - fixed - channel, np.broadcast_to(left.astype(complex), (len(s), *left.shape))
+    )
     return s * (right @ inner)
 
 
@@ -62,11 +65,15 @@ def _scaled_peak(response, grid: np.ndarray, blocks: np.ndarray) -> float:
     def size(values: np.ndarray, log_scale: float) -> np.ndarray:
         return np.linalg.norm(values * np.exp(log_scale * apart), 2, axis=(1, 2))
 
-    best = minimize_scalar(lambda x: float(size(on_grid, x).max()), bounds=(-4.0, 4.0), method="bounded", options={"xatol": 1e-4})
+    best = minimize_scalar(
+        lambda x: float(size(on_grid, x).max()), bounds=(-4.0, 4.0), method="bounded", options={"xatol": 1e-4}
+    )
     sizes = size(on_grid, best.x)
     peak = float(sizes.max())
     for k in np.argsort(-sizes)[:3]:
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
-        finer = minimize_scalar(lambda w: -float(size(response(np.array([w])), best.x)[0]), bounds=(low, high), method="bounded")
+        finer = minimize_scalar(
+            lambda w: -float(size(response(np.array([w])), best.x)[0]), bounds=(low, high), method="bounded"
+        )
         peak = max(peak, -float(finer.fun))
     return peak

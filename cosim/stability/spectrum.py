@@ -96,7 +96,9 @@ def balanced(system: DelaySystem) -> DelaySystem:
         np.fill_diagonal(off, 0.0)
         columns, rows = off.sum(axis=0), off.sum(axis=1)
         usable = (columns > 0) & (rows > 0)
-        step = np.where(usable, np.exp2(np.round(0.5 * np.log2(np.where(usable, rows, 1) / np.where(usable, columns, 1)))), 1)
+        step = np.where(
+            usable, np.exp2(np.round(0.5 * np.log2(np.where(usable, rows, 1) / np.where(usable, columns, 1)))), 1
+        )
         if np.all(step == 1.0):
             break
         scale *= np.clip(step, 0.5, 2.0)
@@ -125,8 +127,9 @@ def polish(system: DelaySystem, guess: complex) -> complex | None:
 def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: int = 4) -> np.ndarray:
     """Rightmost characteristic roots with real part >= `above` [1/s], polished, right to left; each conjugate pair once.
 
-    Upper half plane only (imaginary part >= 0), shape (k,). Multiple roots appear once. The collocation order grows until
-    its `sure` rightmost eigenvalues are roots to 1e-6 before polishing; roots far to the left are only as complete as that.
+    Upper half plane only (imaginary part >= 0), shape (k,). Multiple roots appear once. The collocation order grows
+    until its `sure` rightmost eigenvalues are roots to 1e-6 before polishing; roots far to the left are only as
+    complete as that.
     """
     scaled = balanced(system)
     if scaled.longest == 0.0:
@@ -164,10 +167,10 @@ def _distinct(found: np.ndarray) -> np.ndarray:
 def abscissa(system: DelaySystem) -> float:
     """Largest real part of the roots [1/s], the structural roots at s = 0 left out.
 
-    A free, gravity-compensated loop rests anywhere, so that s = 0 is a root for every gain and delay (one for each axis:
-    both arms displaced together). It is not a matter of stability and is left out when Delta(0) is singular (to 1e-7: a
-    linearisation by differences moves it a little); so are roots below 1e-5 of the loop's frequency then. -inf where no other
-    root was found.
+    A free, gravity-compensated loop rests anywhere, so that s = 0 is a root for every gain and delay (one for each
+    axis: both arms displaced together). It is not a matter of stability and is left out when Delta(0) is singular (to
+    1e-7: a linearisation by differences moves it a little); so are roots below 1e-5 of the loop's frequency then.
+    -inf where no other root was found.
     """
     neutral = _neutral(system)
     found = roots(system, at_most=neutral + 4, sure=neutral + 2)
@@ -199,8 +202,13 @@ def count_right(system: DelaySystem, real: float, samples: int = 4000) -> int:
     Winding of det Delta(real + i w) / (real + i w + c)^n over w in [0, bound], doubled by symmetry; intervals are
     halved until the angle turns by less than 0.5 rad. Wrong if a root lies on the line.
     """
-    bound = 50.0 * (sum(np.linalg.norm(matrix, 2) * np.exp(max(-real, 0.0) * delay)
-                        for matrix, delay in zip(balanced(system).matrices, system.delays)) + abs(real))
+    bound = 50.0 * (
+        sum(
+            np.linalg.norm(matrix, 2) * np.exp(max(-real, 0.0) * delay)
+            for matrix, delay in zip(balanced(system).matrices, system.delays)
+        )
+        + abs(real)
+    )
     scaled, shift = balanced(system), abs(real) + 1.0
 
     def value(w: float) -> complex:
@@ -219,7 +227,9 @@ def _turn(value, low: float, high: float, at_low: complex, at_high: complex, dep
         return angle
     middle = 0.5 * (low + high)
     at_middle = value(middle)
-    return _turn(value, low, middle, at_low, at_middle, depth - 1) + _turn(value, middle, high, at_middle, at_high, depth - 1)
+    return _turn(value, low, middle, at_low, at_middle, depth - 1) + _turn(
+        value, middle, high, at_middle, at_high, depth - 1
+    )
 
 
 @frozen
@@ -235,16 +245,18 @@ class DelayFamily:
 
     def at(self, delay: float) -> DelaySystem:
         """The loop with the channel delay T [s] each way."""
-        return DelaySystem(self.fixed.matrices + self.channel.matrices,
-                           self.fixed.delays + tuple(d + delay for d in self.channel.delays))
+        return DelaySystem(
+            self.fixed.matrices + self.channel.matrices,
+            self.fixed.delays + tuple(d + delay for d in self.channel.delays),
+        )
 
 
 def crossings(family: DelayFamily, samples: int = 3000) -> np.ndarray:
     """All pairs (w [rad/s], T [s] >= 0 least) where a root sits on the imaginary axis, shape (k, 2), T ascending.
 
     Frequency sweep (Chen and Latchman 1995): at every w the values z with det(i w I - F(w) - z G(w)) = 0, F and G the
-    fixed and channel terms; a root crosses where |z| = 1, at the delay T = -arg(z) / w. Solved on a logarithmic grid, each
-    change of sign of |z| - 1 by Brent's method. Tangencies between grid points are missed.
+    fixed and channel terms; a root crosses where |z| = 1, at the delay T = -arg(z) / w. Solved on a logarithmic grid,
+    each change of sign of |z| - 1 by Brent's method. Tangencies between grid points are missed.
     """
     from scipy.optimize import brentq
 
@@ -253,8 +265,13 @@ def crossings(family: DelayFamily, samples: int = 3000) -> np.ndarray:
     sizes = np.sort(np.abs(_gains(family, grid)), axis=1)
     found = []
     for k, branch in np.argwhere((sizes[:-1] - 1.0) * (sizes[1:] - 1.0) < 0.0):
-        w = brentq(lambda w, b=branch: np.sort(np.abs(_gains(family, [w])[0]))[b] - 1.0,
-                   grid[k], grid[k + 1], xtol=1e-300, rtol=8.9e-16)
+        w = brentq(
+            lambda w, b=branch: np.sort(np.abs(_gains(family, [w])[0]))[b] - 1.0,
+            grid[k],
+            grid[k + 1],
+            xtol=1e-300,
+            rtol=8.9e-16,
+        )
         values = _gains(family, [w])[0]
         found += [(w, float(np.angle(v) % (2.0 * np.pi)) / w) for v in values[np.abs(np.abs(values) - 1.0) < 1e-8]]
     return np.array(sorted(found, key=lambda pair: pair[1])).reshape(-1, 2)
@@ -314,21 +331,32 @@ def root_rate(family: DelayFamily, delay: float, s: complex) -> complex:
     return complex(-(u @ by_delay @ v) / (u @ system.slope(s) @ v))
 
 
-def position_loop(mass: Sequence[np.ndarray], stiffness: Sequence[np.ndarray], damping: Sequence[np.ndarray],
-                  added: Sequence[float] = (0.0, 0.0)) -> DelayFamily:
+def position_loop(
+    mass: Sequence[np.ndarray],
+    stiffness: Sequence[np.ndarray],
+    damping: Sequence[np.ndarray],
+    added: Sequence[float] = (0.0, 0.0),
+) -> DelayFamily:
     """P-like teleoperation near a pose: M_i x_i'' = K_i (x_j(t - T - a_i) - x_i) - B_i x_i' for the two sides.
 
-    `mass`, `stiffness`, `damping`: (local, remote), each scalar or (n, n) in task space [kg, N/m, N s/m]; `added` [s] is
-    the age that the co-simulation adds to the sample each side receives. States (x_l, v_l, x_r, v_r), shape (4 n, 4 n).
+    `mass`, `stiffness`, `damping`: (local, remote), each scalar or (n, n) in task space [kg, N/m, N s/m]; `added` [s]
+    is the age that the co-simulation adds to the sample each side receives. States (x_l, v_l, x_r, v_r), shape (4 n,
+    4 n).
     """
     size = np.atleast_2d(mass[0]).shape[0]
     eye, zero = np.eye(size), np.zeros((size, size))
     inverse = [np.linalg.inv(np.atleast_2d(m)) for m in mass]
     spring = [inverse[i] @ (np.atleast_2d(stiffness[i]) * 1.0) for i in (0, 1)]
     damper = [inverse[i] @ (np.atleast_2d(damping[i]) * 1.0) for i in (0, 1)]
-    fixed = np.block([[zero, eye, zero, zero], [-spring[0], -damper[0], zero, zero],
-                      [zero, zero, zero, eye], [zero, zero, -spring[1], -damper[1]]])
+    fixed = np.block(
+        [
+            [zero, eye, zero, zero],
+            [-spring[0], -damper[0], zero, zero],
+            [zero, zero, zero, eye],
+            [zero, zero, -spring[1], -damper[1]],
+        ]
+    )
     to_local, to_remote = np.zeros((4 * size, 4 * size)), np.zeros((4 * size, 4 * size))
-    to_local[size:2 * size, 2 * size:3 * size] = spring[0]
-    to_remote[3 * size:, :size] = spring[1]
+    to_local[size : 2 * size, 2 * size : 3 * size] = spring[0]
+    to_remote[3 * size :, :size] = spring[1]
     return DelayFamily(DelaySystem([fixed], [0.0]), DelaySystem([to_local, to_remote], added))

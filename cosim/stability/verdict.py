@@ -1,6 +1,7 @@
 """Is the loop stable at this point? Judged from twin runs, never from a bound on the motion.
 
-`twin` makes the second run's scenario: same forcing, same delays, a slightly different start. `judge` compares the two results.
+`twin` makes the second run's scenario: same forcing, same delays, a slightly different start. `judge` compares the
+two results.
 """
 
 import re
@@ -36,8 +37,9 @@ class Verdict:
 def perturbation(arms: Mapping[str, int], size: float = PERTURBATION) -> dict[str, float]:
     """Changes of the start values that make the twin: {"arm_l.dq_start[1]": 1e-6, ...} [rad/s] to be added.
 
-    `arms` names the arms with their numbers of joints. Velocities only, so that the past x(t < 0) = x(0) stays the same; opposite signs on the
-    two sides, so that equal arms receive no common momentum and the neutral motion (both displaced together) stays at rest.
+    `arms` names the arms with their numbers of joints. Velocities only, so that the past x(t < 0) = x(0) stays the
+    same; opposite signs on the two sides, so that equal arms receive no common momentum and the neutral motion (both
+    displaced together) stays at rest.
     """
     changes = {}
     for number, (arm, joints) in enumerate(arms.items()):
@@ -51,8 +53,9 @@ def perturbation(arms: Mapping[str, int], size: float = PERTURBATION) -> dict[st
 def judge(result, twin) -> Verdict:
     """Verdict on a run and its twin (results of the master: `outcome`, `time` (n,) [s], `signals`).
 
-    The difference of the joint rates of all arms is followed, rates because the loop is neutral against a common displacement.
-    Left out: the round-off floor (1e-12 of the motion's size), differences above 1e-2 rad/s (no longer small), saturated moments.
+    The difference of the joint rates of all arms is followed, rates because the loop is neutral against a common
+    displacement. Left out: the round-off floor (1e-12 of the motion's size), differences above 1e-2 rad/s (no longer
+    small), saturated moments.
     """
     count = min(len(result.time), len(twin.time))
     time = np.asarray(result.time[:count], float)
@@ -94,9 +97,9 @@ def outcome_of(found: Growth, result) -> Outcome:
 def self_sustained(result) -> bool:
     """True where the motion has settled on an oscillation of its own: a limit cycle.
 
-    In the last third of the run the operator's force is zero, the RMS of the joint rates stays the same within 3 % from each ninth of the
-    run to the next, above a thousandth of its maximum, and it had grown to there (by 10 %) before. A linear loop near its
-    boundary keeps the size it was given, or goes on growing.
+    In the last third of the run the operator's force is constant, the RMS of the joint rates stays the same within 3
+    % from each ninth of the run to the next, above a thousandth of its maximum, and it had grown to there (by 10 %)
+    before. A linear loop near its boundary keeps the size it was given, or goes on growing.
     """
     count = len(result.time)
     rates = _matrix(result.signals, "dq", count)
@@ -111,13 +114,15 @@ def self_sustained(result) -> bool:
 
 def _forced(signals: Mapping[str, np.ndarray], late: slice) -> bool:
     forces = [values[late] for name, values in signals.items() if re.match(r"^operator\.f(\[\d\])?$", name)]
-    return any(np.any(np.abs(force) > 0) for force in forces)
+    return any(np.ptp(force) > 0 for force in forces)
 
 
 def _matrix(signals: Mapping[str, np.ndarray], kind: str, count: int) -> np.ndarray:
     """All `q` or `dq` of all arms as columns, shape (count, channels)."""
     names = sorted(name for name in signals if (match := _STATE.match(name)) and match["kind"] == kind)
-    return np.column_stack([np.asarray(signals[name], float)[:count] for name in names]) if names else np.zeros((count, 0))
+    return (
+        np.column_stack([np.asarray(signals[name], float)[:count] for name in names]) if names else np.zeros((count, 0))
+    )
 
 
 def _unsaturated(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], count: int) -> int:

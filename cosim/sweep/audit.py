@@ -13,8 +13,9 @@ from cosim.sweep.quadtree import opposite
 class Audit:
     """Points of the last round, how many of them contradicted the map, and the bound on the missed share of the area.
 
-    `bound`: with confidence `level`, less than this share of the square lies on the other side than the map says (beyond the
-    tolerance from the boundary). `surprises` holds the places of all rounds that were found wrong (and traced afterwards).
+    `bound`: with confidence `level`, less than this share of the square lies on the other side than the map says
+    (beyond the tolerance from the boundary). `surprises` holds the places of all rounds that were found wrong (and
+    traced afterwards).
     """
 
     points: int
@@ -65,10 +66,15 @@ def audited(precision: Precision, plan: AuditPlan) -> Generator[Places, list[flo
     return boundary, Audit(plan.points, len(wrong), bound, plan.level, turn, tuple(surprises))
 
 
-def _contradictions(boundary: Boundary, places: np.ndarray, values: list[float], tolerance: float) -> list[tuple[float, float]]:
+def _contradictions(
+    boundary: Boundary, places: np.ndarray, values: list[float], tolerance: float
+) -> list[tuple[float, float]]:
     predicted, distance = boundary.predicted(places), boundary.distance(places)
-    return [tuple(float(x) for x in place) for place, value, sign, far in zip(places, values, predicted, distance)
-            if opposite(value, sign) and far > tolerance]
+    return [
+        tuple(float(x) for x in place)
+        for place, value, sign, far in zip(places, values, predicted, distance)
+        if opposite(value, sign) and far > tolerance
+    ]
 
 
 def _refined(boundary: Boundary, wrong: list[tuple[float, float]], precision: Precision) -> Tracer:

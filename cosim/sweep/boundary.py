@@ -1,12 +1,12 @@
 """Adaptive tracing of the stability boundary: where a growth rate changes sign, in one or two dimensions.
 
-A tracer is a generator that yields lists of places in the unit interval or square, receives their growth rates (NaN: unknown), and
-returns the boundary. It asks in rounds and decides from complete rounds only, so that its path does not depend on how many
-workers answer or in which order.
+A tracer is a generator that yields lists of places in the unit interval or square, receives their growth rates (NaN:
+unknown), and returns the boundary. It asks in rounds and decides from complete rounds only, so that its path does not
+depend on how many workers answer or in which order.
 
-Two dimensions: values on a jittered lattice; cells with doubtful signs are split (`quadtree`); each crossed edge gets its zero
-by the Illinois method; between two zeros the boundary is checked at the middle and moved along the gradient until the sagitta
-of what is left is below the tolerance.
+Two dimensions: values on a jittered lattice; cells with doubtful signs are split (`quadtree`); each crossed edge gets
+its zero by the Illinois method; between two zeros the boundary is checked at the middle and moved along the gradient
+until the sagitta of what is left is below the tolerance.
 """
 
 from collections.abc import Generator
@@ -50,16 +50,18 @@ class Boundary:
         if not known:
             return found
         for k, position in enumerate(positions):
-            nearest = int(np.argmin(np.sum((corners - position)**2, axis=1)))
+            nearest = int(np.argmin(np.sum((corners - position) ** 2, axis=1)))
             crossed = sum(_crossings(position, corners[nearest], curve) for curve in self.curves)
-            found[k] = signs[nearest] * (-1.0)**crossed
+            found[k] = signs[nearest] * (-1.0) ** crossed
         return found
 
     def distance(self, positions: np.ndarray) -> np.ndarray:
         """Distance (n,) of positions (n, 2) from the boundary in the unit box; inf where there is none."""
         if not self.curves:
             return np.full(len(positions), np.inf)
-        return np.array([min(_distance(position, curve) for curve in self.curves) for position in np.asarray(positions)])
+        return np.array(
+            [min(_distance(position, curve) for curve in self.curves) for position in np.asarray(positions)]
+        )
 
 
 # one dimension -------------------------------------------------------------------------------------------------------
@@ -89,11 +91,14 @@ class Bracket:
         return self.low + share * (self.high - self.low)
 
 
-def narrow(brackets: list[Bracket], tolerance: float, rounds: int = 60) -> Generator[Places, list[float], list[np.ndarray]]:
+def narrow(
+    brackets: list[Bracket], tolerance: float, rounds: int = 60
+) -> Generator[Places, list[float], list[np.ndarray]]:
     """Zeros inside brackets by the Illinois method (Dowell and Jarratt 1971), all brackets together, one value each a round.
 
-    A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that to the last
-    place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of the secant means nothing).
+    A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
+    to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
+    the secant means nothing).
     """
     hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
     for _ in range(rounds):
@@ -119,7 +124,11 @@ class _Hunt:
 
     def share(self) -> float:
         """Next estimate: the secant, kept off the ends by a hundredth."""
-        share = (self.a * self.fb - self.b * self.fa) / (self.fb - self.fa) if self.fb != self.fa else 0.5 * (self.a + self.b)
+        share = (
+            (self.a * self.fb - self.b * self.fa) / (self.fb - self.fa)
+            if self.fb != self.fa
+            else 0.5 * (self.a + self.b)
+        )
         margin = 0.01 * (self.b - self.a)
         return float(np.clip(share, self.a + margin, self.b - margin))
 
@@ -227,12 +236,14 @@ class _Chord:
         return size * normal
 
 
-def _bent(segments: list[_Segment], tree: Tree,
-          tolerance: float) -> Generator[Places, list[float], tuple[list[list[np.ndarray]], list[np.ndarray]]]:
+def _bent(
+    segments: list[_Segment], tree: Tree, tolerance: float
+) -> Generator[Places, list[float], tuple[list[list[np.ndarray]], list[np.ndarray]]]:
     """Polylines of all segments, bent until a chord leaves the boundary by less than the tolerance; and loose places.
 
-    The zero across the middle of each chord becomes a vertex; the two new chords have a quarter of its sagitta, so that bending
-    ends where the vertex lies within two tolerances of the chord. A place is loose where no zero was met across a chord.
+    The zero across the middle of each chord becomes a vertex; the two new chords have a quarter of its sagitta, so
+    that bending ends where the vertex lies within two tolerances of the chord. A place is loose where no zero was met
+    across a chord.
     """
     lines, loose = [[s.start, s.end] for s in segments], []
     todo = [_Chord(n, s.start, s.end, gradient(tree.lattice, tree.values, s.leaf)) for n, s in enumerate(segments)]
@@ -246,16 +257,21 @@ def _bent(segments: list[_Segment], tree: Tree,
         for chord, vertex in zip(todo, vertices):
             lines[chord.line].insert(_index(lines[chord.line], chord.end), vertex)
             if np.linalg.norm(vertex - chord.middle) > 2.0 * tolerance:
-                later += [_Chord(chord.line, chord.start, vertex, chord.slope), _Chord(chord.line, vertex, chord.end, chord.slope)]
+                later += [
+                    _Chord(chord.line, chord.start, vertex, chord.slope),
+                    _Chord(chord.line, vertex, chord.end, chord.slope),
+                ]
         todo = later
     return lines, loose
 
 
-def _vertices(chords: list[_Chord],
-              tolerance: float) -> Generator[Places, list[float], tuple[list[np.ndarray], list[np.ndarray]]]:
+def _vertices(
+    chords: list[_Chord], tolerance: float
+) -> Generator[Places, list[float], tuple[list[np.ndarray], list[np.ndarray]]]:
     """The zero across the middle of each chord: one Newton step where that is short, else bracketed and narrowed.
 
-    Where no other sign is found within half the chord's length the middle itself is returned, and is among the loose places.
+    Where no other sign is found within half the chord's length the middle itself is returned, and is among the loose
+    places.
     """
     values = yield [tuple(float(x) for x in chord.middle) for chord in chords]
     steps = [chord.step(v) if np.isfinite(v) else np.zeros(2) for chord, v in zip(chords, values)]

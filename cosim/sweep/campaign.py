@@ -84,8 +84,14 @@ def fingerprint(task: Task) -> str:
     return sha256("\n".join(texts).encode()).hexdigest()[:24]
 
 
-def carry_out(sweep: Sweep, folder: Path, workers: Workers, executor: str = "", chunk: int = 8,
-              tell: Callable[[Progress], None] | None = None) -> Campaign:
+def carry_out(
+    sweep: Sweep,
+    folder: Path,
+    workers: Workers,
+    executor: str = "",
+    chunk: int = 8,
+    tell: Callable[[Progress], None] | None = None,
+) -> Campaign:
     """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
 
     The points asked for and their order depend on findings only, so that any number of workers gives the same table.
@@ -193,7 +199,10 @@ def _place(sweep: Sweep, others: Sequence[object], shares: Sequence[float]) -> P
 
 
 def _curve(sweep: Sweep, others: Sequence[object], boundary: Boundary, audit: Audit | None) -> Curve:
-    named = tuple((axis.name, entry.label if isinstance(entry, Choice) else entry) for axis, entry in zip(sweep.enumerated, others))
+    named = tuple(
+        (axis.name, entry.label if isinstance(entry, Choice) else entry)
+        for axis, entry in zip(sweep.enumerated, others)
+    )
     label = ", ".join(_labelled(axis, entry) for axis, (_, entry) in zip(sweep.enumerated, named))
     lines = tuple(tuple(tuple(axis.number(float(s)) for axis, s in zip(sweep.traced, vertex)) for vertex in curve)
                   for curve in boundary.curves)  # fmt: skip

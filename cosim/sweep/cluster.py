@@ -17,7 +17,9 @@ class DaskPool(Workers):
         try:
             from distributed import Client
         except ImportError:
-            raise InputError(Problem("--dask", "the package distributed", "not installed", "pip install 'haptic-cosim[dask]'")) from None
+            raise InputError(
+                Problem("--dask", "the package distributed", "not installed", "pip install 'haptic-cosim[dask]'")
+            ) from None
         try:
             self.client = Client(address, timeout=timeout, set_as_default=False)
         except (OSError, ValueError) as error:
@@ -30,7 +32,9 @@ class DaskPool(Workers):
         ready = as_completed(list(waiting), loop=self.client.loop)
         for future in ready:
             chunk = waiting.pop(future)
-            findings, message = future.result() if future.status == "finished" else (None, f"the worker died: {future.exception()}")
+            findings, message = (
+                future.result() if future.status == "finished" else (None, f"the worker died: {future.exception()}")
+            )
             if findings is not None:
                 yield chunk.points, findings
                 continue

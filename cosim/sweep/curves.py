@@ -16,7 +16,9 @@ from cosim.sweep.spec import Axis, Choice, Sweep
 SAMPLES = 33
 
 
-def theory_curves(sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[str, object]) -> dict[str, list[tuple[float, float]]]:
+def theory_curves(
+    sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[str, object]
+) -> dict[str, list[tuple[float, float]]]:
     """For every curve of the sweep its points (x, y): the zero of each condition along y, at even steps of x.
 
     Works for conditions whose sign changes once along y; where it does not change, the curve has no point there.

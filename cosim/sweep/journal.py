@@ -1,7 +1,7 @@
 """The journal of a sweep: one line a finding, on disk before it counts. Kill the process at any time and run again.
 
-The first line says which sweep it belongs to. A line that was being written when the process died is cut off on opening. Lines are
-appended by one process only (a lock file tells); each append is one write and one fsync.
+The first line says which sweep it belongs to. A line that was being written when the process died is cut off on
+opening. Lines are appended by one process only (a lock file tells); each append is one write and one fsync.
 """
 
 import json
@@ -86,4 +86,6 @@ class Journal:
 
 
 def _plain(finding: Finding) -> dict[str, object]:
-    return asdict(finding, value_serializer=lambda _, __, value: float(value) if isinstance(value, np.floating) else value)
+    return asdict(
+        finding, value_serializer=lambda _, __, value: float(value) if isinstance(value, np.floating) else value
+    )

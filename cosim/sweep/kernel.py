@@ -85,7 +85,11 @@ def _vector_flags() -> tuple[str, ...]:
 def _library():
     from build_fmus.library import library_path
 
-    library = ctypes.CDLL(str(library_path("kernel", _vector_flags())))
+    return prepared(ctypes.CDLL(str(library_path("kernel", _vector_flags()))))
+
+
+def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
+    """A compiled fmu_src/kernel with the types of its functions."""
     library.run.argtypes = [POINTER(_Job), c_void_p]
     library.run.restype = None
     library.lanes.restype = library.lane_size.restype = c_int64

@@ -1,7 +1,8 @@
 """Active learning of a level set: a Gaussian process of the growth rate, runs where its sign is least certain.
 
-Straddle rule (Bryan et al. 2005): the next place maximises 1.96 s(x) - |m(x)|, with m, s the posterior mean and standard deviation;
-a batch is chosen by believing the mean at the places already chosen (kriging believer, Ginsbourger et al. 2010).
+Straddle rule (Bryan et al. 2005): the next place maximises 1.96 s(x) - |m(x)|, with m, s the posterior mean and
+standard deviation; a batch is chosen by believing the mean at the places already chosen (kriging believer,
+Ginsbourger et al. 2010).
 """
 
 from collections.abc import Generator
@@ -44,7 +45,9 @@ class Process:
 
     def predict(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Posterior mean and standard deviation (n,) at places (n, 2)."""
-        factor = np.linalg.cholesky(_kernel(self.places, self.places, self.lengths) + _NUGGET * np.eye(len(self.places)))
+        factor = np.linalg.cholesky(
+            _kernel(self.places, self.places, self.lengths) + _NUGGET * np.eye(len(self.places))
+        )
         cross = np.linalg.solve(factor, _kernel(self.places, at, self.lengths))
         weights = np.linalg.solve(factor, self.values)
         spread = np.sqrt(np.maximum(1.0 - np.sum(cross**2, axis=0), 0.0))

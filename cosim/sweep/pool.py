@@ -1,8 +1,8 @@
 """Who evaluates points: this process, local worker processes, or a Dask cluster (`cluster`). All give findings as they come.
 
-An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded between calls
-in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again, each alone; a point that then fails
-gets one retry, and after that is `failed`, with the message of the last failure.
+An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded
+between calls in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again,
+each alone; a point that then fails gets one retry, and after that is `failed`, with the message of the last failure.
 """
 
 import multiprocessing
@@ -61,7 +61,7 @@ class Chunk:
 
 def chunked(points: Sequence[Point], size: int) -> list[Chunk]:
     """Points in chunks of at most `size`."""
-    return [Chunk(tuple(points[k:k + size])) for k in range(0, len(points), size)]
+    return [Chunk(tuple(points[k : k + size])) for k in range(0, len(points), size)]
 
 
 class Workers(ABC):

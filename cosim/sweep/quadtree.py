@@ -1,7 +1,7 @@
 """A quadtree of cells over the unit square with a value at every corner, refined where the sign of the value changes.
 
-Corners live on an integer lattice of `cells * 2**DEPTH` steps a side; grid lines are moved by a seed so that no problem can
-be aligned with them. Values that are NaN (nothing known) take no part.
+Corners live on an integer lattice of `cells * 2**DEPTH` steps a side; grid lines are moved by a seed so that no
+problem can be aligned with them. Values that are NaN (nothing known) take no part.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,8 +38,12 @@ class Cell:
     def children(self) -> tuple["Cell", "Cell", "Cell", "Cell"]:
         """The four quarters."""
         h = self.side // 2
-        return (Cell(self.i, self.j, h), Cell(self.i + h, self.j, h),
-                Cell(self.i, self.j + h, h), Cell(self.i + h, self.j + h, h))
+        return (
+            Cell(self.i, self.j, h),
+            Cell(self.i + h, self.j, h),
+            Cell(self.i, self.j + h, h),
+            Cell(self.i + h, self.j + h, h),
+        )
 
     def holds(self, place: tuple[float, float]) -> bool:
         """Whether a place in lattice units lies inside."""
@@ -158,8 +162,12 @@ class Tree:
         slope_b = 0.5 * (after - a) if np.isfinite(after) else b - a
         s = np.linspace(0.0, 1.0, 17)
         line = a + (b - a) * s
-        cubic = ((1 + 2 * s) * (1 - s)**2 * a + s * (1 - s)**2 * slope_a
-                 + s * s * (3 - 2 * s) * b + s * s * (s - 1) * slope_b)
+        cubic = (
+            (1 + 2 * s) * (1 - s) ** 2 * a
+            + s * (1 - s) ** 2 * slope_a
+            + s * s * (3 - 2 * s) * b
+            + s * s * (s - 1) * slope_b
+        )
         return bool(np.any((line + 1.5 * (cubic - line)) * a < 0))
 
 

@@ -1,19 +1,19 @@
 """A sweep: a scenario, axes over its parameters, how to choose points. Read from TOML, everything wrong reported at once.
 
-    format = 1
-    title = "..."            description = "..."
-    scenario = "sallam-nodelay"
-    evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation), "module:function"
-    [set]                             # fixed values, paths as in --set
-    "experiment.stop" = 40.0
-    [[axes]]
-    name = "delay"; unit = "s"; paths = ["channel_*.delay_mean"]; low = 0.1; high = 0.8; count = 9; scale = "linear"
-    [[axes]]                          # or values = [..], or choices:
-    name = "set"
-    choices = [{ label = "UR", set = { "arm_*.parameter_set" = "UR" } }]      # also: scenario = "sallam-joint"
-    [grid]                            # exactly one of grid, random, boundary, level_set, monte_carlo
-    [boundary]
-    trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enumerated
+format = 1
+title = "..."            description = "..."
+scenario = "sallam-nodelay"
+evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation), "module:function"
+[set]                             # fixed values, paths as in --set
+"experiment.stop" = 40.0
+[[axes]]
+name = "delay"; unit = "s"; paths = ["channel_*.delay_mean"]; low = 0.1; high = 0.8; count = 9; scale = "linear"
+[[axes]]                          # or values = [..], or choices:
+name = "set"
+choices = [{ label = "UR", set = { "arm_*.parameter_set" = "UR" } }]      # also: scenario = "sallam-joint"
+[grid]                            # exactly one of grid, random, boundary, level_set, monte_carlo
+[boundary]
+trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enumerated
 """
 
 import tomllib
@@ -149,7 +149,13 @@ class LevelSet:
 
 
 Design = Grid | Random | MonteCarlo | BoundaryDesign | LevelSet
-_DESIGNS = {"grid": Grid, "random": Random, "monte_carlo": MonteCarlo, "boundary": BoundaryDesign, "level_set": LevelSet}
+_DESIGNS = {
+    "grid": Grid,
+    "random": Random,
+    "monte_carlo": MonteCarlo,
+    "boundary": BoundaryDesign,
+    "level_set": LevelSet,
+}
 CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
 
 
@@ -219,8 +225,15 @@ def parse_sweep(table: Mapping[str, object], path: Path) -> Sweep:
     if len(given) != 1:
         problems.append(Problem(path.name, f"one of [{'], ['.join(_DESIGNS)}]", " and ".join(given) or "none"))
     body = {key: value for key, value in table.items() if key in known and key not in (*_DESIGNS, "format", "axes")}
-    axes = [_structured(Axis, entry, f"{path.name}: axes[{n}]", problems) for n, entry in enumerate(table.get("axes", []), 1)]
-    design = _structured(_DESIGNS[given[0]], table[given[0]], f"{path.name}: {given[0]}", problems) if len(given) == 1 else None
+    axes = [
+        _structured(Axis, entry, f"{path.name}: axes[{n}]", problems)
+        for n, entry in enumerate(table.get("axes", []), 1)
+    ]
+    design = (
+        _structured(_DESIGNS[given[0]], table[given[0]], f"{path.name}: {given[0]}", problems)
+        if len(given) == 1
+        else None
+    )
     axes = [axis for axis in axes if axis is not None]
     problems += _axis_problems(axes, path.name)
     if not problems:
@@ -245,7 +258,9 @@ def _structured(kind: type, table: object, where: str, problems: list[Problem]):
         problems.append(Problem(where, "a table", type(table).__name__))
         return None
     unknown = [key for key in table if key not in names]
-    problems += [Problem(f"{where}.{key}", "a known key", "an unknown one", did_you_mean(key, names)) for key in unknown]
+    problems += [
+        Problem(f"{where}.{key}", "a known key", "an unknown one", did_you_mean(key, names)) for key in unknown
+    ]
     converter = Converter()
     converter.register_structure_hook_func(lambda t: t == Mapping[str, object], lambda value, _: dict(value))
     try:
@@ -258,7 +273,9 @@ def _structured(kind: type, table: object, where: str, problems: list[Problem]):
 def _axis_problems(axes: list[Axis], where: str) -> list[Problem]:
     problems = [] if axes else [Problem(f"{where}: axes", "at least one [[axes]]", "none")]
     names = [axis.name for axis in axes]
-    problems += [Problem(f"{where}: axes", "different names", f"{n!r} twice") for n in dict.fromkeys(names) if names.count(n) > 1]
+    problems += [
+        Problem(f"{where}: axes", "different names", f"{n!r} twice") for n in dict.fromkeys(names) if names.count(n) > 1
+    ]
     for axis in axes:
         place = f"{where}: axis {axis.name}"
         if axis.numeric and not axis.paths:
@@ -280,5 +297,7 @@ def _design_problems(design: Design, axes: list[Axis], where: str) -> list[Probl
                 for name in design.trace if name not in numeric]  # fmt: skip
     wanted = (1, 2) if isinstance(design, BoundaryDesign) else (2,)
     if len(design.trace) not in wanted or len(set(design.trace)) != len(design.trace):
-        problems.append(Problem(f"{where}: trace", f"{' or '.join(map(str, wanted))} different axes", repr(list(design.trace))))
+        problems.append(
+            Problem(f"{where}: trace", f"{' or '.join(map(str, wanted))} different axes", repr(list(design.trace)))
+        )
     return problems

@@ -23,7 +23,10 @@ def columns(campaign: Campaign) -> dict[str, list]:
     }  # fmt: skip
     for name in dict.fromkeys(name for f in findings for name in f.numbers):
         table[name] = [f.numbers.get(name, np.nan) for f in findings]
-    return table | {"message": [f.message for f in findings], "replay": [replay(campaign.sweep, p) for p in points]}
+    return table | {
+        "message": [f.message for f in findings],
+        "replay": [replay(campaign.sweep, p) for p in points],
+    }
 
 
 def units(campaign: Campaign) -> dict[str, str]:

@@ -70,7 +70,11 @@ class _Job(ctypes.Structure):
 def _library():
     from build_fmus.library import library_path
 
-    library = ctypes.CDLL(str(library_path("executor")))
+    return prepared(ctypes.CDLL(str(library_path("executor"))))
+
+
+def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
+    """A compiled fmu_src/executor with the types of its functions."""
     library.execute.argtypes = [POINTER(_Job), POINTER(c_int64), c_int64]
     library.initialise.argtypes = [POINTER(_Job), c_void_p, c_int64]
     library.execute.restype = library.initialise.restype = c_int

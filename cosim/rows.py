@@ -57,7 +57,7 @@ class Rows:
     def columns(self, which, count: int, every: int = 1) -> np.ndarray:
         """Every so many of the first `count` rows of a column (its number), or of several: copies where the table is on
         disk, else a view of a single one."""
-        if self.file is None:
+        if self.file is None or count == 0:
             return self.values[:count:every, which]
         return np.concatenate([values[-first % every :: every, which].copy() for first, values in self.blocks(count)])
 

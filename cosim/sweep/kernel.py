@@ -19,6 +19,7 @@ from functools import cache
 import numpy as np
 from attrs import evolve, field, frozen
 
+from cosim.errors import RunError
 from cosim.execution import Ending
 from cosim.master import Result, Timetable, run
 from cosim.native import Arena
@@ -45,6 +46,9 @@ _NUMBERS = {_ARM: 31, _CONTROLLER: 13, _CHANNEL: 0, _SERIES: 0}
 _SHARED = ("internal_steps", "workspace_limits", "interpolation")
 _CHANNEL_NEUTRAL = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
 _MOST_OUTPUTS = 12  # of a series
+_LEAST_BOUND = 1e5
+"""The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
+_NO_BOUND = 1e300
 _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
 
 
@@ -106,6 +110,8 @@ def lanes() -> int:
 
 def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
+    if wiring.scenario.experiment.bound < _LEAST_BOUND:
+        return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
     parts = _Part.all(wiring)
     places = _Places.of(wiring, parts, record)
     for part in parts:
@@ -294,11 +300,13 @@ def _alone(wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
     component = wiring.scenario.components[part.name]
     alone = evolve(
         wiring.scenario, components={part.name: evolve(component, parameters=dict(part.starts), parameter_set=None)},
-        connections=(), experiment=evolve(wiring.scenario.experiment, record_every=1, order=()),
+        connections=(), experiment=evolve(wiring.scenario.experiment, record_every=1, order=(), bound=_NO_BOUND),
     )  # fmt: skip
     result = run(alone, record=[f"{part.name}.{name}" for name in outputs])
     if result.failure is not None:
         raise result.failure
+    if result.stopped_at is not None:
+        raise RunError(part.name, result.stopped_at, f"ended early when run alone: {result.message}")
     return np.ascontiguousarray(np.column_stack([result.signals[f"{part.name}.{name}"] for name in outputs]))
 
 

@@ -9,7 +9,7 @@ from build_fmus.table import Table, Variable
 STYLE = (
     "body{font:16px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}"
     "table{border-collapse:collapse;font-size:14px}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:left}"
-    "pre{background:#f4f4f6;padding:.7em;overflow:auto}"
+    "pre{background:#f4f4f6;padding:.7em;white-space:pre-wrap}"
 )
 
 

@@ -252,3 +252,16 @@ def test_a_full_disk_keeps_what_fits_and_says_what_does_not(tmp_path):
     assert done.returncode == 1 and "Traceback" not in done.stderr and "converged" in done.stdout
     assert "result.h5: File too large" in done.stderr and "--out" in done.stderr
     assert sorted(path.name for path in (tmp_path / "o").iterdir()) == ["report.html", "summary.json"]
+
+
+def test_an_interruption_while_modules_are_imported_is_no_traceback():
+    late = "import sys; sys.modules['cosim.cli.list'] = type('M', (), {'__getattr__': lambda s, n: (_ for _ in ()).throw(KeyboardInterrupt)})()"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{late}; from cosim.cli import main; main(['list'])"], capture_output=True, text=True
+    )
+    assert done.returncode == 130 and done.stderr == "interrupted\n"
+
+
+def test_a_reader_that_leaves_early_is_no_error():
+    done = subprocess.run(["sh", "-c", f"{sys.executable} -u -m cosim list | head -1"], capture_output=True, text=True)
+    assert done.stdout.startswith("scenarios") and "rror" not in done.stderr

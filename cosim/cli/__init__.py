@@ -4,6 +4,7 @@ A module `cosim/cli/<name>.py` (dashes as underscores) defines `command(...)` wi
 `typer.Typer` with subcommands. Exit codes: 0 done, 1 the run failed, 2 bad input, 130 interrupted.
 """
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -34,7 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words in (["--version"], ["-V"]):
         print(_version())
         sys.exit(0)
-    _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
+    try:
+        _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
+    except KeyboardInterrupt:  # while modules are still being imported
+        _interrupted()
 
 
 def _repeated(words: list[str]) -> list[str]:
@@ -96,17 +100,23 @@ def guarded(function: Callable, debug: bool) -> Callable:
                 raise
             _leave(error, {InputError: 2, RunError: 1}.get(type(error), 1))
         except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            sys.exit(130)
+            _interrupted()
 
     return command
+
+
+def _interrupted() -> None:
+    print("interrupted", file=sys.stderr)
+    sys.exit(130)
 
 
 def _leave(error: Exception, code: int) -> None:
     """One message on stderr, then out: the words of our own errors, the kind of the others."""
     from cosim.errors import InputError, RunError
 
-    if isinstance(error, InputError):
+    if isinstance(error, BrokenPipeError):  # who read us has seen enough (`cosim list | head`)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    elif isinstance(error, InputError):
         count = len(error.problems)
         print(f"{count} problem{'s' if count != 1 else ''} in the input:", file=sys.stderr)
         print("\n".join(f"  {problem}" for problem in error.problems), file=sys.stderr)

@@ -286,7 +286,8 @@ def _stack(result: Result, names: list[str], unit: str) -> str:
     for plot, name in zip(axes[:, 0], names):
         values = result.vector(name)[rows]
         for column in range(values.shape[1]):
-            plot.plot(result.time[rows], values[:, column], color=COLOURS[column % len(COLOURS)], label=str(column + 1))
+            label = "xyz"[column] if unit == "N" and values.shape[1] == 3 else str(column + 1)
+            plot.plot(result.time[rows], values[:, column], color=COLOURS[column % len(COLOURS)], label=label)
         plot.set_title(name)
         plot.set_ylabel(unit.replace(".", "·"))
     if len(grouped(result.signals)[names[0]]) > 1:

@@ -108,8 +108,10 @@ class Normal:
         self.x = [model.design[j, self.train] for j in range(model.setting.joints)]
         self.residual = [model.residual[j, self.train] * model.scale[j, self.train, 0] for j in range(model.setting.joints)]
         g = sum(x.T @ x for x in self.x)
-        scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
-        self.inverse = np.linalg.inv(g * scale[:, None] * scale + np.diag(model.fit.penalty)) * scale[:, None] * scale
+        size = np.diag(g)
+        empty = size <= 1e-24 * size.max()  # columns without rows: joints that do not move
+        scale = np.where(empty, 0.0, 1 / np.sqrt(np.where(empty, 1.0, size)))
+        self.inverse = np.linalg.inv(g * scale[:, None] * scale + np.diag(model.fit.penalty + empty)) * scale[:, None] * scale
 
     def error(self, joints: tuple[int, ...]) -> float:
         """Squared error of the joints' fitted rows."""

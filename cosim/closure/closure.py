@@ -103,8 +103,11 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
 
 
 def _worse(error: TorqueError, joints: set[int]) -> bool:
-    pairs = [(error.before[j], error.after[j], error.all_before[j], error.all_after[j]) for j in joints]
-    return any(after > 1.01 * before and all_after > 1.01 * every for before, after, every, all_after in pairs)
+    """Whether the mean ratio of after to before over the joints is above one, with reversals and without."""
+    if not joints:
+        return False
+    moving, every = ([b[j] / max(a[j], 1e-12) for j in joints] for a, b in ((error.before, error.after), (error.all_before, error.all_after)))
+    return bool(np.mean(moving) > 1.01 and np.mean(every) > 1.01)
 
 
 def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:

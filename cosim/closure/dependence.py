@@ -6,8 +6,10 @@ from cosim.closure.candidates import Candidate, Normal, screened
 from cosim.closure.evidence import Evidence, weigh
 from cosim.closure.model import Choice, Model, with_choices
 from cosim.closure.selection import Rule
-from cosim.closure.unnamed import Dependence, dependences
+from cosim.closure.unnamed import Dependence, dependences, persistence
 
+PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to foretell
+LARGE = 0.01  # of the torque
 FLEXIBLE = 2.5  # a basis of eight functions has to remove this many times what one column has to
 
 
@@ -40,7 +42,21 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is not None and not _refusal(strict, evidence, kind):
                 found.append(Leftover(evidence))
-    return tuple(sorted(found, key=lambda leftover: leftover.evidence.error()))
+    found.sort(key=lambda leftover: leftover.evidence.error())
+    bare = set(range(model.setting.joints)) - {leftover.joint for leftover in found}
+    return (*found, *_persistent(model, rule, bare, normal))
+
+
+def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> tuple[Leftover, ...]:
+    """Joints whose residual is large and goes on beyond the filter's memory though it depends on no signal: they are not complete."""
+    kind = persistence(model.setting.rows, model.setting.motion, model.residual, model.setting.use)
+    strict = evolve(rule, gain=PERSISTENT, size=LARGE)
+    found = []
+    for joint in sorted(joints):
+        evidence = weighed(model, kind, joint, 1, normal)
+        if evidence is not None and not strict.refusal(evidence):
+            found.append(Leftover(evidence))
+    return tuple(found)
 
 
 def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
@@ -70,5 +86,7 @@ def corrected(model: Model, found: tuple[Leftover, ...]) -> Model:
     """The model with the best smooth correction of each joint that needs one."""
     best: dict[int, Choice] = {}
     for leftover in found:
+        if leftover.evidence.candidate.choice.effect.witness:
+            continue
         best.setdefault(leftover.joint, leftover.evidence.candidate.choice)
     return with_choices(model, (*model.choices, *best.values()))

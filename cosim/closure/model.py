@@ -125,7 +125,7 @@ class Model:
             pi = s.declared_pi if s.declared_pi is not None else beta[:8]
         scene = Scene(
             motion=m, device=s.device, sign=sign, rigid=rigid, friction=friction, prediction=rigid + friction, viscous=viscous,
-            coulomb=coulomb, rigid_torque=self._rigid(beta, pi), pi=pi, declared=s.declared_pi is not None, gravity=s.gravity,
+            coulomb=coulomb, rigid_torque=self._rigid(beta, pi), pi=pi, declared=s.declared_pi is not None, gravity=s.gravity, skew=self.skew,
             units=s.units,
         )  # fmt: skip
         extra = np.zeros_like(rigid)

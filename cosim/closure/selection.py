@@ -11,6 +11,9 @@ from cosim.closure.model import Choice, Model, evolve_model, settled, train_erro
 from cosim.effects import Effect
 
 
+CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
+
+
 @frozen
 class Rule:
     """What a claim needs. p: jackknife F on fitted blocks times everything tried; gains: share of its joints' squared error removed on
@@ -94,8 +97,22 @@ def _round(model: Model, candidates: Sequence[Candidate], rule: Rule, trials: in
     likely = [c for c in candidates if not c.untestable and c.gain > 0.5 * rule.gain][: rule.shortlist]
     weighed = sorted((weigh(model, c, trials) for c in likely), key=Evidence.error)
     refusals = tuple(rule.refusal(e) for e in weighed)
-    taken = next((e for e, why in zip(weighed, refusals, strict=True) if not why), None)
+    accepted = [e for e, why in zip(weighed, refusals, strict=True) if not why]
+    taken = next((e for e in accepted if not _made_of_single_ones(model, e, accepted)), None)
     return Step(tuple(weighed), refusals, taken)
+
+
+def _made_of_single_ones(model: Model, evidence: Evidence, accepted: Sequence[Evidence]) -> bool:
+    """Whether an effect on the whole arm does clearly worse than the best effect of each joint by itself."""
+    if len(evidence.joints) == 1:
+        return False
+    t = model.setting.rows.train_blocks
+    best = {}
+    for other in accepted:
+        if len(other.joints) == 1:
+            best.setdefault(other.joints[0], float((model.fit.sse[:t] - other.model.fit.sse[:t]).sum()))
+    gain = float((model.fit.sse[:t] - evidence.model.fit.sse[:t]).sum())
+    return sum(best.values()) > CLEARLY * gain
 
 
 def polished(model: Model) -> Model:

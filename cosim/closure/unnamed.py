@@ -12,6 +12,7 @@ from attrs import define, frozen
 from cosim.effects import Effect, Scene
 
 HATS = 8
+APART = 8.0  # filter widths
 
 
 def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -26,6 +27,8 @@ class Dependence(Effect):
 
     signals: tuple[str, ...] = ()
     basis: object = None  # (scene, joint) -> (n, k)
+    dynamic: bool = False
+    witness: bool = False  # formed from the residual itself: shows that something is left, corrects nothing
     local: bool = False  # a function of time: held-out rows lie outside what was fitted
     name = "unknown"
 
@@ -35,7 +38,7 @@ class Dependence(Effect):
 
     @property
     def key(self) -> str:
-        return f"unknown: {', '.join(self.signals)}"
+        return f"unknown: {', '.join(self.signals)}{' (persistence)' if self.witness else ''}"
 
     def columns(self, scene, joints, theta):
         return {joints[0]: self.basis(scene, joints[0])}
@@ -82,6 +85,18 @@ def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Depend
                 out.append(Dependence((f"q{k + 1}", f"dq{i + 1}"), _product(m.q[:, k], m.dq[:, i], scene.sign[:, i])))
     out += [Dependence((name,), _of(values)) for name, values in m.other.items()]
     return tuple(out)
+
+
+def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependence:
+    """The residual (J, m) of one joint beyond the filter's memory before and after: something slow that no signal of the state explains."""
+    place = np.arange(len(motion.time))
+    apart = APART * motion.widths.total
+
+    def basis(scene: Scene, joint: int) -> np.ndarray:
+        level = np.interp(place, rows.index, np.where(use[joint], residual[joint], 0.0))[:, None]
+        return np.concatenate((motion.advanced(level, apart), motion.advanced(level, -apart)), axis=1)
+
+    return Dependence(("time",), basis, witness=True, dynamic=True)
 
 
 def _knots(x: np.ndarray, count: int = HATS) -> np.ndarray:

@@ -18,7 +18,6 @@ NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have
 MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
 STEADY = 1.5  # factor by which a coefficient may change beside it
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
-FORM = 0.02  # of a value that filter and form of the friction law alone can change (tests/rig): a standard deviation of its own
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
@@ -93,12 +92,24 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     reasons = _withdrawals(model, left, rule)
     progress("comparing each effect with its rivals")
     findings = [finding(model, k, effects, rule, selection.trials) for k in range(len(model.choices))]
+    reasons = _unphysical(model) | reasons
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
         model = polished(with_choices(selection.before, tuple(c for k, c in enumerate(model.choices) if k not in reasons)))
         left = leftovers(model, rule) or left
     return _answer(kept, withdrawn, left, model)
+
+
+def _unphysical(model: Model) -> dict[int, str]:
+    """Choices (by number) whose estimate in the final model is not physical: refits move coefficients and nonlinear parameters."""
+    out = {}
+    for k, choice in enumerate(model.choices):
+        part = model.coefficients(k)
+        estimate = Estimate(model.fit.beta[part], model.fit.std[part], choice.theta, choice.joints, model.scene)
+        if reason := choice.effect.unphysical(estimate):
+            out[k] = reason
+    return out
 
 
 def _answer(kept, withdrawn, left, model: Model) -> Verdict:
@@ -193,8 +204,8 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
             theta_std[index] = np.sqrt(max(beta_cov[k + place, k + place], 0.0))
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
     t = _quantile(model)
-    std = np.hypot(std, FORM * np.abs(beta))
-    theta_std = np.hypot(theta_std, FORM * np.abs(choice.theta) * np.isin(np.arange(len(choice.theta)), free))
+    std = np.hypot(std, choice.effect.form * np.abs(beta))
+    theta_std = np.hypot(theta_std, choice.effect.form * np.abs(choice.theta) * np.isin(np.arange(len(choice.theta)), free))
 
     def read(b, th) -> dict[str, float]:
         return choice.effect.parameters(Estimate(b, std, tuple(th), choice.joints, model.scene))
@@ -210,7 +221,8 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
                 th[k - len(beta)] += sign * t * theta_std[k - len(beta)]
             for name, value in read(b, th).items():
                 low[name], high[name] = min(low[name], value), max(high[name], value)
-    return values, {name: (low[name], high[name]) for name in values}
+    slack = choice.effect.slack * model.setting.motion.sample
+    return values, {name: (low[name] - slack, high[name]) for name in values}
 
 
 def _quantile(model: Model) -> float:

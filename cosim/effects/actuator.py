@@ -12,6 +12,7 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 _FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
+USUAL = 0.4  # share of commands beyond a limit, above which it is no limit but the usual torque
 
 
 class ActuatorLag(Effect):
@@ -25,14 +26,23 @@ class ActuatorLag(Effect):
     unit = "s"
     sharp = False
     dynamic = True
+    slack = 1.0
     aliases = (Alias("time_delay", _FAST), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
 
+    def joint_sets(self, scene: Scene):
+        singles = super().joint_sets(scene)
+        return (*singles, tuple(range(scene.joints))) if scene.joints > 1 else singles
+
     def columns(self, scene, joints, theta):
-        return {joints[0]: scene.motion.rate(scene.prediction[:, joints])}
+        rate = scene.motion.rate(scene.prediction)
+        return {j: rate[:, [j]] for j in joints}
 
     def labels(self, joints, theta):
-        return (per_joint("actuator_lag", joints),)
+        return ("actuator_lag",)
+
+    def parameters(self, estimate: Estimate) -> dict[str, float]:
+        return _on_each("actuator_lag", estimate)
 
     def unphysical(self, estimate: Estimate) -> str:
         return _too_short(estimate.beta[0], estimate.std[0], estimate.scene)
@@ -49,8 +59,13 @@ class TimeDelay(Effect):
     unit = "s"
     sharp = False
     dynamic = True
+    slack = 1.0
     aliases = (Alias("actuator_lag", _FAST), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
+
+    def joint_sets(self, scene: Scene):
+        singles = super().joint_sets(scene)
+        return (*singles, tuple(range(scene.joints))) if scene.joints > 1 else singles
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         step = scene.motion.sample
@@ -60,20 +75,25 @@ class TimeDelay(Effect):
         return (0,)
 
     def columns(self, scene, joints, theta):
-        p = scene.prediction[:, joints]
-        return {joints[0]: (scene.motion.advanced(p, theta[0]) - p) / theta[0]}
+        change = (scene.motion.advanced(scene.prediction, theta[0]) - scene.prediction) / theta[0]
+        return {j: change[:, [j]] for j in joints}
 
     def labels(self, joints, theta):
-        return (per_joint("time_delay", joints),)
+        return ("time_delay",)
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
-        return {per_joint("time_delay", estimate.joints): float(estimate.beta[0])}
+        return _on_each("time_delay", estimate)
 
     def unphysical(self, estimate: Estimate) -> str:
         if reason := _too_short(estimate.beta[0], estimate.std[0], estimate.scene):
             return reason
         ratio = estimate.beta[0] / estimate.theta[0]
         return "" if 1 / 3 < ratio < 3 else "the slope and the shift of the delay disagree"
+
+
+def _on_each(name: str, estimate: Estimate) -> dict[str, float]:
+    """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled torque included."""
+    return {per_joint(name, (j,)): float(estimate.beta[0]) + estimate.scene.skew for j in estimate.joints}
 
 
 def _too_short(value: float, std: float, scene: Scene) -> str:
@@ -148,6 +168,9 @@ class TorqueSaturation(Effect):
         return (per_joint("torque_saturation", joints),)
 
     def unphysical(self, estimate: Estimate) -> str:
+        beyond = float(np.mean(np.abs(estimate.scene.motion.tau_raw[:, estimate.joints[0]]) > estimate.theta[0]))
+        if beyond > USUAL:
+            return f"{100 * beyond:.0f} % of the commands lie beyond the limit: a loop so starved of torque would not track"
         return _whole(estimate, "of what the command has beyond the limit is missing")
 
 

@@ -31,6 +31,7 @@ class Scene:
     pi: np.ndarray | None = None
     declared: bool = False
     gravity: float = 9.81  # negative for an arm that hangs upside down
+    skew: float = 0.0  # s that the recorded torque was taken to act late by sampling
     units: Mapping[str, str] = field(factory=dict)
 
     @property
@@ -85,6 +86,8 @@ class Effect(ABC):
     dynamic: bool = False  # columns are formed from the model's own prediction and change with it
     measured: bool = False  # columns are formed from the measured torque: they explain a part of it by themselves
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
+    form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
+    slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost
     aliases: tuple[Alias, ...] = ()
     needs: str = ""  # what the data must hold
 

@@ -25,7 +25,7 @@ def command(
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
     from cosim.cli.folder import made
     from cosim.sweep.campaign import carry_out, first_point, task_of
-    from cosim.sweep.evaluate import check
+    from cosim.sweep.evaluate import check, origin
 
     sweep = _prepared(spec, set_ or [], effects)
     folder = made(out or Path("results") / sweep.name)
@@ -34,7 +34,8 @@ def command(
     staff, words = _staff(workers, dask)
     try:
         with staff, _meter(sweep.name) as tell:
-            campaign = carry_out(sweep, folder, staff, f"{how}; {words}", tell=tell)
+            source = origin(task_of(sweep), first_point(sweep))
+            campaign = carry_out(sweep, folder, staff, f"{how}; {words}", tell=tell, origin=source)
     except KeyboardInterrupt:
         print(
             f"interrupted; what was computed is kept in {folder}: run the same command again to go on", file=sys.stderr

@@ -75,9 +75,9 @@ def task_of(sweep: Sweep) -> Task:
     return Task(EVALUATORS.get(sweep.evaluator, sweep.evaluator), scenario, dict(sweep.set), sweep.effects)
 
 
-def fingerprint(task: Task) -> str:
-    """Hash of what decides a finding besides the point: evaluator, scenario (its text), fixed values, effects."""
-    texts = [json.dumps([task.evaluator, sorted(map(str, task.set.items()))])]
+def fingerprint(task: Task, origin: str = "") -> str:
+    """Hash of what decides a finding besides the point: evaluator, scenario, fixed values, effects, `origin` (FMUs)."""
+    texts = [json.dumps([task.evaluator, sorted(map(str, task.set.items()))]), origin]
     for name in (task.scenario, task.effects):
         path = Path(name) if name else None
         texts.append(path.read_text(encoding="utf-8") if path and path.is_file() else str(name))
@@ -91,6 +91,7 @@ def carry_out(
     executor: str = "",
     chunk: int = 8,
     tell: Callable[[Progress], None] | None = None,
+    origin: str = "",
 ) -> Campaign:
     """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
 
@@ -98,7 +99,7 @@ def carry_out(
     Raises InputError where the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)
-    with Journal(folder / "journal.jsonl", fingerprint(task)) as journal:
+    with Journal(folder / "journal.jsonl", fingerprint(task, origin)) as journal:
         before = len(journal.findings)
         board = _Board(task, journal, workers, chunk, tell)
         course = _course(sweep)

@@ -19,7 +19,7 @@ from cosim.fmu import FmuSet, open_system
 from cosim.judging import twin_of
 from cosim.master import Result, run
 from cosim.outcome import Outcome
-from cosim.scenario import Scenario, load_scenario, with_parameters
+from cosim.scenario import Scenario, load_scenario, to_toml, with_parameters
 from cosim.signals import stem
 from cosim.stability.assessment import complete, coupling, sides
 from cosim.stability.criteria import delay_sum
@@ -79,6 +79,12 @@ def check(task: Task, point: Point) -> str:
         if reason is None
         else f"co-simulation of FMUs (kernel: {reason})"
     )
+
+
+def origin(task: Task, point: Point) -> str:
+    """What findings come from besides the task: the text of the scenario at a point and the hashes of its FMUs."""
+    wiring = desk(task, point).wiring(task, point)
+    return to_toml(wiring.scenario) + " ".join(d.sha256 for d in wiring.descriptions.values())
 
 
 def simulation(task: Task, points: Sequence[Point]) -> list[Finding]:

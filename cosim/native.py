@@ -28,7 +28,7 @@ class Operation(ctypes.Structure):
 class Phase(ctypes.Structure):
     """A communication step: its operations, and the places that its row is taken from."""
 
-    _fields_ = [("operations", c_void_p), ("n_operations", c_int64), ("columns", c_void_p)]
+    _fields_ = [("operations", c_void_p), ("n_operations", c_int64), ("columns", c_void_p), ("in_order", c_int64)]
 
 
 class Arena:
@@ -62,7 +62,8 @@ class Arena:
                 *[self._operation(o, step_ns, place) for o in phase.operations]
             )
             one.operations, one.n_operations = self.structures(operations), len(phase.operations)
-            one.columns = self.indices(place(phase.record.source[columns]))
+            places = place(phase.record.source[columns])
+            one.columns, one.in_order = self.indices(places), int(len(places) > 0 and bool(np.all(np.diff(places) == 1)))
         return self.structures(native)
 
     def _operation(self, operation: Planned, step_ns: int, place: Callable) -> Operation:

@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -87,6 +88,7 @@ typedef struct {
     const Operation *operations;
     int64_t n_operations;
     const int64_t *columns;
+    int64_t in_order; /* the columns are places one after another */
 } Phase;
 
 typedef struct {
@@ -132,23 +134,21 @@ static int set_inputs(Slave *s, const Operation *o, const double *store, Job *jo
     return hand_over(s, job);
 }
 
-static int fetch(Slave *s, Job *job)
+static int fetch(Slave *s, double *outputs, Job *job)
 {
     job->call = GET_OUTPUTS;
     if (!s->n_outputs) return 0;
-    return s->get2 ? s->get2(s->instance, s->output_refs, (size_t)s->n_outputs, s->outputs)
-                   : s->get3(s->instance, s->output_refs, (size_t)s->n_outputs, s->outputs, (size_t)s->n_outputs);
+    return s->get2 ? s->get2(s->instance, s->output_refs, (size_t)s->n_outputs, outputs)
+                   : s->get3(s->instance, s->output_refs, (size_t)s->n_outputs, outputs, (size_t)s->n_outputs);
 }
 
 static int get_outputs(Slave *s, double *store, int64_t n, Job *job)
 {
     double *newest = store + s->offset, *older = store + n + s->offset;
-    const int status = fetch(s, job);
-    if (status > 1) return status;
-    for (int64_t i = 0; i < s->n_outputs; i++) {
-        older[i] = newest[i];
-        newest[i] = s->outputs[i];
-    }
+    const size_t size = (size_t)s->n_outputs * sizeof(double);
+    memcpy(older, newest, size);
+    const int status = fetch(s, newest, job);
+    if (status > 1) memcpy(newest, older, size); /* as before the call that failed */
     return status;
 }
 
@@ -165,17 +165,21 @@ static int step_slave(Slave *s, double time, double size, Job *job)
 
 static int within_bounds(const Job *job)
 {
-    for (int64_t i = 0; i < job->n_outputs; i++)
-        if (!(fabs(job->store[i]) <= job->bound)) return 0;
+    int beyond = 0;
+    for (int64_t i = 0; i < job->n_outputs; i++) beyond |= !(fabs(job->store[i]) <= job->bound);
+    if (beyond) return 0;
     for (int64_t i = 0; i < job->n_domain; i++)
         if (job->store[job->domain[i]] < 1.0) return 0;
     return 1;
 }
 
-static void record(Job *job, const int64_t *columns, int64_t done)
+static void record(Job *job, const Phase *phase, int64_t done)
 {
     double *row = job->table + (size_t)((done / job->every - job->row_start) * job->n_columns);
-    for (int64_t i = 0; i < job->n_columns; i++) row[i] = job->store[columns[i]];
+    if (phase->in_order)
+        memcpy(row, job->store + phase->columns[0], (size_t)job->n_columns * sizeof(double));
+    else
+        for (int64_t i = 0; i < job->n_columns; i++) row[i] = job->store[phase->columns[i]];
 }
 
 static int start(const Slave *s, const Start *how)
@@ -196,7 +200,7 @@ static int collect(Job *job, int64_t n_slaves)
 {
     int same = 1;
     for (Slave *s = job->slaves; s < job->slaves + n_slaves; s++) {
-        if (fetch(s, job) > 1) return -1;
+        if (fetch(s, s->outputs, job) > 1) return -1;
         for (int64_t i = 0; i < s->n_outputs; i++) {
             same = same && s->outputs[i] == job->store[s->offset + i];
             job->store[s->offset + i] = s->outputs[i];
@@ -255,7 +259,7 @@ EXPORTED int execute(Job *job, int64_t *done, int64_t until)
             }
             if (status < 0) going = 0;
         }
-        if ((*done + 1) % job->every == 0) record(job, phase->columns, *done + 1);
+        if ((*done + 1) % job->every == 0) record(job, phase, *done + 1);
         ++*done;
         if (!going) return ENDED;
         if (!within_bounds(job)) return OUT_OF_BOUNDS;

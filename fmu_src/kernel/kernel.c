@@ -44,6 +44,7 @@ typedef struct {
     const Operation *operations;
     int64_t n_operations;
     const int64_t *columns;
+    int64_t in_order;
 } Phase;
 
 /* Inputs and outputs by number, so that wired ones can be named: what each kind has, in this order. */

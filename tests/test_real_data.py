@@ -105,6 +105,7 @@ def test_cable_tool_held_out_runs_of_the_same_tool(shared_data):
     found = tool(shared_data / "mis_tool_cable", "4_Maryland_L_2_41", "4_Maryland_L_2_43")
     before, after = errors(found)
     assert names(found)[0] == "hysteresis"
+    assert set(names(found)) <= {"hysteresis", "position_torque", "load_friction", "torque_offset"}
     assert before > 26 and after < 10
     assert found.floor[0] < 2.0  # repeated cycles
 

@@ -30,6 +30,7 @@ _ADVICE = {
     Outcome.LIMIT_HIT: "an actuator limit was reached: what follows says nothing about the linear loop",
     Outcome.DOMAIN_EXIT: "the arm left the domain of its model (workspace, or M(q) not positive definite): results end there",
     Outcome.DIVERGED: "the motion left every bound: the loop is unstable, or the communication step is too long",
-    Outcome.INCONCLUSIVE: "the run is too short or too noisy to say: run longer, or with a smaller step",
+    Outcome.INCONCLUSIVE: "the run is too short, too noisy or forced for too long to say: "
+    "run longer, let go earlier, or take smaller steps",
     Outcome.FAILED: "an FMU failed: see the message",
 }

@@ -45,6 +45,13 @@ def tracking(result: Result) -> Tracking | None:
     return Tracking(tuple(float(a) for a in axes), float(np.sqrt(np.mean(np.sum(apart**2, axis=1)))))
 
 
+def simulated_time(result: Result) -> float:
+    """How far the run came [s]; the last row may stand before it (`record_every`)."""
+    if result.stopped_at is not None:
+        return result.stopped_at
+    return float(result.time[-1]) if result.interrupted else result.scenario.experiment.stop
+
+
 def limit_time(result: Result) -> float | None:
     """When an actuator first was at its limit [s]; None if never."""
     for name in (name for name in result.signals if name.endswith(".saturated")):
@@ -65,7 +72,7 @@ def summary(judged: Judged) -> dict[str, object]:
         "growth_rate": judged.growth_rate,
         "growth_rate_interval": None if judged.interval is None else list(judged.interval),
         "tracking_rmse": _tracking(judged.tracking),
-        "simulated_time": float(result.time[-1]) if result.stopped_at is None else result.stopped_at,
+        "simulated_time": simulated_time(result),
         "stopped_at": result.stopped_at,
         "interrupted": judged.interrupted,
         "wall_time": result.wall_time,

@@ -104,3 +104,9 @@ def test_a_motor_at_its_limit_is_told(made, system):
     limited = with_parameters(made, {"arm_l.torque_saturation": 0.01})
     judged = judged_run(limited, system)
     assert limit_time(judged.result) is not None
+
+
+def test_the_time_simulated_is_the_end_not_the_last_row(made, system):
+    """12 steps, every fifth recorded: the last row stands at 10 ms."""
+    judged = judged_run(with_parameters(made, {"experiment.stop": 0.012, "experiment.record_every": 5}), system)
+    assert judged.result.time[-1] == pytest.approx(0.010) and summary(judged)["simulated_time"] == 0.012

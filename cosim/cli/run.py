@@ -159,6 +159,8 @@ def _write_summary(judged, path: Path) -> None:
 
 def _spoken(judged, folder: Path) -> str:
     """The summary for the terminal."""
+    from cosim.summary import simulated_time
+
     result, experiment = judged.result, judged.result.scenario.experiment
     lines = [f"{result.scenario.name}: {judged.outcome.value}: {judged.outcome.advice}"]
     if result.message:
@@ -170,9 +172,8 @@ def _spoken(judged, folder: Path) -> str:
         )
     if judged.tracking is not None:
         lines.append(f"  tracking, RMS of |x_l - x_r|  {judged.tracking.total * 1e3:.4g} mm")
-    simulated = result.time[-1] if result.stopped_at is None else result.stopped_at
     lines.append(
-        f"  simulated                     {simulated:g} s in {result.wall_time:.2f} s, "
+        f"  simulated                     {simulated_time(result):g} s in {result.wall_time:.2f} s, "
         f"steps of {experiment.step * 1e3:g} ms, "
         f"{experiment.algorithm.value}, {experiment.extrapolation.value}"
     )

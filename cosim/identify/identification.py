@@ -179,8 +179,8 @@ def _physics(recording: Recording, names: tuple[str, ...], params: np.ndarray) -
         if not definite:
             doubts.append(
                 f"the mass matrix is not positive definite over the workspace (smallest eigenvalue "
-                f"{found.smallest_eigenvalue:.2e} kg m^2, {100 * found.negative_share:.2g} % of it): guard simulations, or "
-                "use --physical"
+                f"{found.smallest_eigenvalue:.2e} kg m^2; in {100 * found.negative_share:.3g} % of it): "
+                "guard simulations, or use --physical"
             )
     elif "inertia" in values:
         definite = values["inertia"] > 0

@@ -74,7 +74,7 @@ def _numbers(table: Table, name: str, problems: list[Problem]) -> np.ndarray:
             values[row] = float(text) if text.strip() else np.nan
         except ValueError:
             advice = "a decimal comma? write a point" if "," in text else "remove the row or leave the cell empty"
-            problems.append(Problem(f"{table.path}: column {name!r}, row {row + 1}", "a number", repr(text), advice))
+            problems.append(Problem(f"{table.path}: column {name!r}, row {row + 1}", "a number", repr(str(text)), advice))
             return values
     return values
 

@@ -12,7 +12,7 @@ from cosim.report import Figure, Report, Section, Table, cell
 from cosim.results import provenance
 from cosim.rows import Columns, stacked
 from cosim.signals import grouped, stem
-from cosim.summary import Judged, limit_time
+from cosim.summary import Judged, limit_time, simulated_time
 from cosim.wiring import direction_table, vector_starts
 
 _POINTS = 4000
@@ -73,7 +73,7 @@ def _interval(judged: Judged) -> str:
 def _found(judged: Judged) -> Section:
     """What was found, as a table."""
     result, experiment = judged.result, judged.result.scenario.experiment
-    simulated = result.time[-1] if result.stopped_at is None else result.stopped_at
+    simulated = simulated_time(result)
     rows = [
         ("outcome", judged.outcome.value),
         ("growth rate of small disturbances [1/s]", judged.growth_rate),

@@ -177,5 +177,6 @@ def _spoken(judged, folder: Path) -> str:
         f"steps of {experiment.step * 1e3:g} ms, "
         f"{experiment.algorithm.value}, {experiment.extrapolation.value}"
     )
-    lines.append(f"  written to                    {folder}")
+    page = ": open report.html in a browser" if (folder / "report.html").is_file() else ""
+    lines.append(f"  written to                    {folder}{page}")
     return "\n".join(lines)

@@ -10,6 +10,7 @@ from cosim.effects import Effect, Estimate
 
 CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
 COLLINEAR = 2e-3  # share of a column that the model does not explain already, below which it cannot be told from the model
+REFINED = 0.1  # gain from which on nonlinear parameters are refined before the evidence is weighed
 THRIFT = 1.03  # an option with one column more has to leave this much less
 
 
@@ -65,11 +66,27 @@ def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...
         reason = effect.unphysical(estimate)
         candidate = Candidate(Choice(effect, joints, theta), gain / base, beta, tried, reason)
         if not reason:
-            return candidate
+            return _refined(model, normal, candidate, base) if candidate.gain > REFINED else candidate
         first = first or candidate
         if gain < 0.5 * options[0][0]:
             break
     return first
+
+
+def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) -> Candidate:
+    """A promising candidate with its continuous nonlinear parameters moved to the largest gain; every trial is counted."""
+    effect, joints = candidate.choice.effect, candidate.choice.joints
+    best, gain, beta, tried = candidate.choice.theta, candidate.gain * base, candidate.beta, candidate.tried
+    for step in (0.1, 0.03, 0.01):
+        for index in effect.continuous(best):
+            for sign in (1, -1):
+                trial = effect.moved(best, index, sign * step)
+                found = normal.gain(filtered(model.setting, effect, effect.columns(model.scene, joints, trial)))
+                tried += 1
+                if found is not None and found[0] > gain:
+                    best, (gain, beta) = trial, found
+                    break
+    return Candidate(Choice(effect, joints, best), gain / base, beta, tried)
 
 
 def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):

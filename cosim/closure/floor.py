@@ -1,7 +1,7 @@
 """The noise floor of a recording: how far the torque differs between repeats of the same motion.
 
-Where all joints go through the same motion again after a period P, the torque of the repeats has no reason to differ that a model of
-the motion could know. floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque.
+Where all joints go through the same motion again after a period P, the torque of the repeats has no reason to differ
+that a model of the motion could know. floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ SHORTEST = 0.5  # s, shortest period
 
 
 def floor(model: Model) -> tuple[float | None, ...]:
-    """RMS% per joint by the run that repeats best, None where no run repeats its motion. The torque is filtered as in the model."""
+    """RMS% per joint by the run that repeats best, None where no run repeats its motion; filtered as in the model."""
     motion = model.setting.motion
     found = [cycles for a, b in motion.bounds if (cycles := _cycles(motion, a, b)) is not None]
     if not found:
@@ -37,7 +37,7 @@ def _cycles(motion: Motion, a: int, b: int) -> np.ndarray | None:
 
 
 def period(q: np.ndarray, step: float) -> int | None:
-    """Rows after which every joint of q (n, nj) that moves is where it was, the fewest that leave two whole cycles; None if none."""
+    """Rows after which every joint of q (n, nj) that moves is where it was; None if that is never so."""
     moved = q[:, np.ptp(q, axis=0) > 0]
     if moved.shape[1] == 0:
         return None
@@ -48,7 +48,9 @@ def period(q: np.ndarray, step: float) -> int | None:
     if not len(far):
         return None
     start = first + int(far[0])
-    inside = np.flatnonzero((difference[start + 1 : -1] <= difference[start:-2]) & (difference[start + 1 : -1] < difference[start + 2 :]))
+    inside = np.flatnonzero(
+        (difference[start + 1 : -1] <= difference[start:-2]) & (difference[start + 1 : -1] < difference[start + 2 :])
+    )
     good = [start + 1 + int(k) for k in inside if difference[start + 1 + k] < SAME]
     return good[0] if good else None
 
@@ -65,6 +67,6 @@ def _difference(x: np.ndarray) -> np.ndarray:
 
 
 def _spread(cycles: np.ndarray) -> np.ndarray:
-    """RMS% (nj,) of one cycle, by the median over pairs of neighbouring cycles: the first one often starts from elsewhere."""
+    """RMS% (nj,) of a cycle, by the median over neighbouring pairs: the first cycle often starts from elsewhere."""
     within = np.median((np.diff(cycles, axis=0) ** 2).mean(axis=1), axis=0) / 2
     return 100 * np.sqrt(within / np.maximum((cycles**2).mean(axis=(0, 1)), 1e-300))

@@ -34,7 +34,9 @@ class Gram:
 
     def pick(self, columns: np.ndarray) -> "Gram":
         """The normal equations of a subset of the columns."""
-        return Gram(self.g[..., columns[:, None], columns], self.h[..., columns], self.s, self.rows, self.train, int(np.sum(columns < self.shrunk)), self.group)
+        shrunk = int(np.sum(columns < self.shrunk))
+        g, h = self.g[..., columns[:, None], columns], self.h[..., columns]
+        return Gram(g, h, self.s, self.rows, self.train, shrunk, self.group)
 
 
 @frozen(eq=False)

@@ -1,11 +1,12 @@
 """The controller of a recorded run, found in the run itself: a proportional-derivative law from reference to torque.
 
-    tau_k = kp (q_ref,k - q_k) + kd_ref D q_ref,k - kd L D q_k + offset + a sin q_k + b cos q_k,   D x_k = (x_k - x_{k-n}) / (n H)
+    tau_k = kp (q_ref,k - q_k) + kd_ref D q_ref,k - kd L D q_k + offset + a sin q_k + b cos q_k
 
-with L a first-order low-pass or nothing, and the last terms a feed-forward of the weight.
+with D x_k = (x_k - x_{k-n}) / (n H), L a first-order low-pass or nothing, and the last terms a feed-forward of the weight.
 
-Where this law gives back the recorded torque, the run can be replayed in closed loop. That is no circle: q_ref was chosen
-by the experimenter, not by the plant. What the law leaves over (pulses added to the command) is a recorded input of its own.
+Where this law gives back the recorded torque, the run can be replayed in closed loop. That is no circle: q_ref was
+chosen by the experimenter, not by the plant. What the law leaves over (pulses added to the command) is a recorded
+input of its own.
 """
 
 import numpy as np
@@ -21,10 +22,10 @@ PULSES = 2.0  # %: less than this is noise, not an input of its own
 
 @frozen
 class Law:
-    """kp [N.m/rad], kd, kd_ref [N.m.s/rad], offset, weight_sin, weight_cos [N.m] of one joint (N, m of a prismatic one).
+    """kp [N.m/rad], kd, kd_ref [N.m.s/rad], offset, weight_sin, weight_cos [N.m] of a joint (N, m of a prismatic one).
 
-    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the largest torque that the recording holds [N.m], 0 where it
-    was never held at it; `left` the RMS% of torque that the law does not give on the rows it was found on.
+    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the largest torque that the recording holds [N.m],
+    0 where it was never held at it; `left` the RMS% of torque that the law does not give on the rows it was found on.
     """
 
     kp: float
@@ -52,7 +53,7 @@ class Law:
 
 
 def find_laws(recording: Recording) -> tuple[Law, ...] | None:
-    """One law a joint, all with the same differentiation, from the training rows of all runs; None without a reference or a fit."""
+    """One law a joint, all with the same differentiation, from the training rows; None without a reference or a fit."""
     runs = [run for run in recording.runs if run.train.any()]
     if not runs or any(run.q_ref is None for run in runs):
         return None
@@ -64,11 +65,13 @@ def find_laws(recording: Recording) -> tuple[Law, ...] | None:
 
 def _best(runs: list[Run], ways: list[tuple[int, float]]) -> tuple[Law, ...]:
     joints = range(runs[0].q.shape[1])
-    return min((tuple(_fitted(runs, j, *way) for j in joints) for way in ways), key=lambda laws: sum(law.left for law in laws))
+    return min(
+        (tuple(_fitted(runs, j, *way) for j in joints) for way in ways), key=lambda laws: sum(law.left for law in laws)
+    )
 
 
 def injected(law: Law, run: Run, joint: int) -> np.ndarray:
-    """Torque (n,) of a run that the law does not give: pulses, feed-forward; zero where it is as small as on the fitted rows."""
+    """Torque (n,) of a run that the law does not give (pulses); zero where it is as small as on the fitted rows."""
     tau = run.tau[:, joint]
     rest = tau - law.torque(run.q_ref[:, joint], run.q[:, joint], run.step)
     rest[: law.samples] = 0.0
@@ -78,7 +81,9 @@ def injected(law: Law, run: Run, joint: int) -> np.ndarray:
 
 def _columns(q_ref: np.ndarray, q: np.ndarray, step: float, samples: int, cutoff: float) -> np.ndarray:
     speed = low_passed(difference(q, step, samples), step, cutoff)
-    return np.stack([q_ref - q, -speed, difference(q_ref, step, samples), np.ones_like(q), np.sin(q), np.cos(q)], axis=1)
+    return np.stack(
+        [q_ref - q, -speed, difference(q_ref, step, samples), np.ones_like(q), np.sin(q), np.cos(q)], axis=1
+    )
 
 
 def low_passed(x: np.ndarray, step: float, cutoff: float) -> np.ndarray:
@@ -97,7 +102,10 @@ def difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
 
 def _fitted(runs: list[Run], joint: int, samples: int, cutoff: float) -> Law:
     """Least squares on the rows that are off the limit; the terms beside the PD only where they are needed."""
-    parts = [(_columns(run.q_ref[:, joint], run.q[:, joint], run.step, samples, cutoff), run.tau[:, joint], run.train) for run in runs]
+    parts = [
+        (_columns(run.q_ref[:, joint], run.q[:, joint], run.step, samples, cutoff), run.tau[:, joint], run.train)
+        for run in runs
+    ]
     y = np.concatenate([y[samples:][train[samples:]] for y, _, train in parts])
     tau = np.concatenate([tau[samples:][train[samples:]] for _, tau, train in parts])
     limit = _limit(tau)

@@ -1,14 +1,14 @@
 """The recorded experiment again, as a co-simulation: the drive's FMU with and without the effect that was found.
 
-Recording FMUs play the reference and the feed-forward torque, a PDController FMU closes the loop around the drive's FMU:
+Recording FMUs play the reference and the feed-forward torque, a PDController FMU closes the loop around the drive:
 
-- closed loop, where a law was found in the run (`cosim.closure.law`): reference q_ref, gains of the law, feed-forward what the
-  law leaves over. Error: torque of the replay minus recorded torque.
-- guided, where there is none: reference the recorded q, feed-forward the recorded torque, a soft PD keeps the drive on the
-  recorded path. Error: the torque that it needs for that.
+- closed loop, where a law was found in the run (`cosim.closure.law`): reference q_ref, gains of the law, feed-forward
+  what the law leaves over. Error: torque of the replay minus recorded torque.
+- guided, where there is none: reference the recorded q, feed-forward the recorded torque, a soft PD keeps the drive
+  on the recorded path. Error: the torque that it needs for that.
 
-A sampled torque is held for a step, here as on the device: what a regression on samples calls lag holds half a step that the
-replay already has (`without_hold`).
+A sampled torque is held for a step, here as on the device: what a regression on samples calls lag holds half a step
+that the replay already has (`without_hold`).
 """
 
 import tempfile
@@ -36,7 +36,8 @@ LAGS = ("actuator_lag", "time_delay")
 class Replay:
     """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2).
 
-    Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q [rad or m].
+    Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q
+    [rad or m].
     time, tau, tau_before, tau_after (n, nj): the last run judged, for figures.
     """
 
@@ -73,11 +74,13 @@ class _Path:
     guided: bool
 
 
-def replay(recording: Recording, before: Mapping[str, object], after: Mapping[str, object], width: float = 8e-3) -> Replay | None:
+def replay(
+    recording: Recording, before: Mapping[str, object], after: Mapping[str, object], width: float = 8e-3
+) -> Replay | None:
     """Replay every run that has held-out rows with two sets of start values of the drive's FMU (scalars or lists).
 
-    Errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s], as for the torque error: the recorded
-    torque holds the noise of its encoder and amplifier, the replay does not.
+    Errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s], as for the torque
+    error: the recorded torque holds the noise of its encoder and amplifier, the replay does not.
     The model is AxisDrive for device "axis" and PhantomArm for device "phantom"; None for device "regressor".
     Raises InputError where an FMU has no such parameter, RunError where it fails.
     """
@@ -113,7 +116,7 @@ def _feed(run: Run, law: Law, joint: int) -> np.ndarray:
 
 
 def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
-    """The recorded position and torque, and gains that give the drive's own inertia the frequency GUIDE, well damped."""
+    """The recorded position and torque, and gains that give the drive's inertia the frequency GUIDE, well damped."""
     inertia, samples = _inertia(parameters, joints), 2
     damping = 1.4 * GUIDE * inertia
     smooth = _smoothed(run, damping)
@@ -122,7 +125,10 @@ def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
 
 
 def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
-    """The recorded path with as little smoothing as keeps the damping quiet: noise s of q makes s sqrt(H / (4 sqrt(pi) w^3)) of dq."""
+    """The recorded path with as little smoothing as keeps the damping quiet.
+
+    Noise s of q makes noise s sqrt(H / (4 sqrt(pi) w^3)) of dq behind a Gaussian of width w.
+    """
     noise, allowed = position_noise(run.q), JITTER * np.sqrt(np.mean(run.tau**2, axis=0))
     for width in SMOOTH:
         rate = np.sqrt(run.step / (4 * np.sqrt(np.pi) * width**3)) if width else 1 / (np.sqrt(2) * run.step)
@@ -182,14 +188,22 @@ def experiment(device: str, path: _Path, parameters: Mapping[str, object], folde
     file = folder / "recorded.csv"
     np.savetxt(file, table, delimiter=",", header=",".join(["time", *names]), comments="", fmt="%.17g")
     parts = {
-        "reference": Component(recording=str(file), columns=tuple(names[:joints]), unit="rad", interpolation=Extrapolation.HOLD),
-        "feed": Component(recording=str(file), columns=tuple(names[joints:]), unit="N.m", interpolation=Extrapolation.HOLD),
-        "drive": Component(model="AxisDrive" if device == "axis" else "PhantomArm", parameters=_starts(path, parameters)),
+        "reference": Component(
+            recording=str(file), columns=tuple(names[:joints]), unit="rad", interpolation=Extrapolation.HOLD
+        ),
+        "feed": Component(
+            recording=str(file), columns=tuple(names[joints:]), unit="N.m", interpolation=Extrapolation.HOLD
+        ),
+        "drive": Component(
+            model="AxisDrive" if device == "axis" else "PhantomArm", parameters=_starts(path, parameters)
+        ),
         "controller": Component(model="PDController", parameters=_gains(path)),
     }
     step = round(run.step * 1e9) / 1e9
-    settings = Experiment(stop=(len(run) - 1) * step, step=step, algorithm=Algorithm.GAUSS_SEIDEL, extrapolation=Extrapolation.HOLD,
-                          order=("reference", "feed", "drive", "controller"))  # fmt: skip
+    settings = Experiment(
+        stop=(len(run) - 1) * step, step=step, algorithm=Algorithm.GAUSS_SEIDEL, extrapolation=Extrapolation.HOLD,
+        order=("reference", "feed", "drive", "controller"),
+    )  # fmt: skip
     return Scenario("replay", settings, parts, _wires(device, joints), folder=folder)
 
 
@@ -204,9 +218,11 @@ def _starts(path: _Path, parameters: Mapping[str, object]) -> dict[str, object]:
 
 def _gains(path: _Path) -> dict[str, object]:
     """Parameters of the PDController, three joints wide; joints that are not there have no gain."""
-    wide = lambda values: [float(v) for v in values] + [0.0] * (3 - len(values))  # noqa: E731
-    return {"kp": wide(path.kp), "kd": wide(path.kd), "torque_limit": wide(path.limit), "difference_samples": path.samples,
-            "velocity_cutoff": path.cutoff}  # fmt: skip
+    wide = lambda values: [float(v) for v in values] + [0.0] * (3 - len(values))
+    return {
+        "kp": wide(path.kp), "kd": wide(path.kd), "torque_limit": wide(path.limit),
+        "difference_samples": path.samples, "velocity_cutoff": path.cutoff,
+    }  # fmt: skip
 
 
 def _wires(device: str, joints: int) -> tuple[Connection, ...]:
@@ -224,13 +240,14 @@ def _wires(device: str, joints: int) -> tuple[Connection, ...]:
 
 def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float) -> Replay:
     """Errors over the judged rows of all runs."""
-    smooth = lambda x, run: convolve(x, kernel(width / run.step))  # noqa: E731
-    tau, before, after = (_judged(compared, pick) for pick in (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after))
-    q, q_before, q_after = (_judged(compared, pick) for pick in (lambda c: c.path.run.q, lambda c: c.q_before, lambda c: c.q_after))
-    calm = [_judged(compared, lambda c, x=x: smooth(x(c), c.path.run))
-            for x in (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after)]  # fmt: skip
+    smooth = lambda x, run: convolve(x, kernel(width / run.step))
+    torques = (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after)
+    positions = (lambda c: c.path.run.q, lambda c: c.q_before, lambda c: c.q_after)
+    tau, before, after = (_judged(compared, pick) for pick in torques)
+    q, q_before, q_after = (_judged(compared, pick) for pick in positions)
+    calm = [_judged(compared, lambda c, x=x: smooth(x(c), c.path.run)) for x in torques]
     keep = np.isfinite(np.column_stack((before, after, *calm))).all(axis=1)
-    size = max(int(round(BLOCK / compared[0].path.run.step)), 1)
+    size = max(round(BLOCK / compared[0].path.run.step), 1)
     last = compared[-1]
     return Replay(
         kind="guided" if compared[0].path.guided else "closed loop",
@@ -238,7 +255,8 @@ def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float)
         interval=_interval(calm[2][keep] - calm[0][keep], calm[0][keep], size),
         raw_before=_percent(before[keep], tau[keep]), raw_after=_percent(after[keep], tau[keep]),
         position_before=_rms(q_before[keep] - q[keep]), position_after=_rms(q_after[keep] - q[keep]),
-        runs=tuple(c.path.run.name for c in compared), laws=laws, warnings=_notes(compared, laws, float(np.mean(~keep))),
+        runs=tuple(c.path.run.name for c in compared), laws=laws,
+        warnings=_notes(compared, laws, float(np.mean(~keep))),
         time=last.path.run.time, tau=last.path.run.tau, tau_before=last.before, tau_after=last.after,
     )  # fmt: skip
 
@@ -276,13 +294,15 @@ def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...], lost: float) ->
     notes = []
     for path in (c.path for c in compared):
         rest = [injected(law, path.run, joint) for joint, law in enumerate(laws)]
-        share = max((100 * np.sqrt(np.mean(x**2) / np.mean(path.run.tau[:, j] ** 2)) for j, x in enumerate(rest)), default=0.0)
+        share = max(
+            (100 * np.sqrt(np.mean(x**2) / np.mean(path.run.tau[:, j] ** 2)) for j, x in enumerate(rest)), default=0.0
+        )
         if share > 0:
-            notes.append(f"{path.run.name}: the recorded torque holds an input of its own (pulses, feed-forward) of {share:.0f} % RMS "
-                         "beside the law from q_ref; it is replayed as recorded")  # fmt: skip
+            notes.append(f"{path.run.name}: the recorded torque holds an input of its own (pulses, feed-forward) of "
+                         f"{share:.0f} % RMS beside the law from q_ref; it is replayed as recorded")  # fmt: skip
     if not laws:
-        notes.append("no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a soft PD that "
-                     "holds the drive on the recorded path; the error is the torque it needs")  # fmt: skip
+        notes.append("no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a "
+                     "soft PD that holds the drive on the recorded path; the error is the torque it needs")  # fmt: skip
     if lost:
         notes.append(f"a replay left the model's domain: {lost:.0%} of the rows are not judged")
     return tuple(notes)

@@ -11,6 +11,7 @@ from cosim.closure.model import Choice, Model, evolve_model, settled, train_erro
 from cosim.effects import Effect
 
 
+FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 
@@ -34,6 +35,8 @@ class Rule:
         """Why the evidence does not carry a claim; empty where it does."""
         if evidence.reason:
             return evidence.reason
+        if evidence.candidate.choice.effect.of_time and evidence.gain_held > 0:
+            evidence = evolve(evidence, gain_held=evidence.gain_fit, t_held=evidence.t_fit)
         checks = (
             (evidence.p > self.p and not self.confirmed(evidence), f"p = {evidence.p:.1g} after counting all that was tried"),
             (evidence.gain_fit < self.gain, f"removes {100 * evidence.gain_fit:.1f} % of the squared error of unseen fitted blocks"),
@@ -75,15 +78,17 @@ Progress = Callable[[str], None]
 def select(before: Model, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None) -> Selection:
     """Add the best effect that the rule accepts, refit everything, drop what is no longer needed, until nothing is accepted."""
     model, steps, untestable, trials = before, [], (), 0
-    seen = set()
+    seen, shares = set(), {}
     while len(model.choices) < rule.most:
         candidates = screen(model, effects)
         trials = max(trials, sum(c.tried for c in candidates))
         untestable = untestable or tuple(c for c in candidates if c.untestable)
-        step = _round(model, candidates, rule, trials)
+        step = _round(model, candidates, rule, trials, shares)
         steps.append(step)
         if step.taken is None:
             break
+        for j in step.taken.joints:
+            shares[j] = max(shares.get(j, 0.0), step.taken.size)
         progress(f"accepted {step.taken.name} on joint(s) {', '.join(str(j + 1) for j in step.taken.joints)}")
         model = _pruned(polished(step.taken.model), rule, trials)
         state = frozenset(c.key for c in model.choices)
@@ -93,13 +98,26 @@ def select(before: Model, effects: Sequence[Effect], rule: Rule, progress: Progr
     return Selection(before, model, tuple(steps), untestable, trials)
 
 
-def _round(model: Model, candidates: Sequence[Candidate], rule: Rule, trials: int) -> Step:
+def _round(model: Model, candidates: Sequence[Candidate], rule: Rule, trials: int, shares: dict[int, float]) -> Step:
     likely = [c for c in candidates if not c.untestable and c.gain > 0.5 * rule.gain][: rule.shortlist]
     weighed = sorted((weigh(model, c, trials) for c in likely), key=Evidence.error)
-    refusals = tuple(rule.refusal(e) for e in weighed)
+    refusals = tuple(rule.refusal(e) or _beside(model, e, shares) for e in weighed)
     accepted = [e for e, why in zip(weighed, refusals, strict=True) if not why]
     taken = next((e for e in accepted if not _made_of_single_ones(model, e, accepted)), None)
     return Step(tuple(weighed), refusals, taken)
+
+
+def _beside(model: Model, evidence: Evidence, shares: dict[int, float]) -> str:
+    """Why the evidence does not carry a claim beside what was accepted before: too small against its form error, or its alias."""
+    strongest = max((shares.get(j, 0.0) for j in evidence.joints), default=0.0)
+    if evidence.size < FORM_ERROR * strongest:
+        return f"explains {100 * evidence.size:.2f} % of the torque: the form of the stronger effect before it can make that"
+    own = {alias.name for alias in evidence.candidate.choice.effect.aliases if alias.reach < 0.5}
+    for choice in model.choices:
+        theirs = {alias.name for alias in choice.effect.aliases if alias.reach < 0.5}
+        if set(choice.joints) & set(evidence.joints) and (choice.effect.name in own or evidence.name in theirs):
+            return f"is hardly told from {choice.effect.name}, which explains more"
+    return ""
 
 
 def _made_of_single_ones(model: Model, evidence: Evidence, accepted: Sequence[Evidence]) -> bool:

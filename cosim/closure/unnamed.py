@@ -12,7 +12,7 @@ from attrs import define, frozen
 from cosim.effects import Effect, Scene
 
 HATS = 8
-APART = 8.0  # filter widths
+APART = (5.0, 7.5, 12.0, 20.0)  # filter widths: beyond the filter's memory
 
 
 def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -90,11 +90,11 @@ def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Depend
 def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependence:
     """The residual (J, m) of one joint beyond the filter's memory before and after: something slow that no signal of the state explains."""
     place = np.arange(len(motion.time))
-    apart = APART * motion.widths.total
 
     def basis(scene: Scene, joint: int) -> np.ndarray:
         level = np.interp(place, rows.index, np.where(use[joint], residual[joint], 0.0))[:, None]
-        return np.concatenate((motion.advanced(level, apart), motion.advanced(level, -apart)), axis=1)
+        shifts = [sign * widths * motion.widths.total for widths in APART for sign in (1, -1)]
+        return np.concatenate([motion.advanced(level, shift) for shift in shifts], axis=1)
 
     return Dependence(("time",), basis, witness=True, dynamic=True)
 

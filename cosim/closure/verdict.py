@@ -205,7 +205,9 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
     t = _quantile(model)
     std = np.hypot(std, choice.effect.form * np.abs(beta))
-    theta_std = np.hypot(theta_std, choice.effect.form * np.abs(choice.theta) * np.isin(np.arange(len(choice.theta)), free))
+    for index in free:
+        change = choice.effect.moved(choice.theta, index, choice.effect.form)[index] - choice.theta[index]
+        theta_std[index] = np.hypot(theta_std[index], change)
 
     def read(b, th) -> dict[str, float]:
         return choice.effect.parameters(Estimate(b, std, tuple(th), choice.joints, model.scene))
@@ -242,7 +244,7 @@ def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarr
     scene, extra = model.seen or model.scene, []
     for index in free:
         ahead, behind = (choice.effect.moved(choice.theta, index, s) for s in (0.02, -0.02))
-        width = ahead[index] - behind[index]
+        width = (ahead[index] - behind[index]) or 1e12  # a parameter that cannot move adds nothing
         a, b = (filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, th)) for th in (ahead, behind))
         slope = {j: (a[j] - b[j]) @ model.fit.beta[part] / width for j in a}
         extra.append(spread({j: v[:, None] for j, v in slope.items()}, model.setting) * model.scale)

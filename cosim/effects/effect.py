@@ -85,6 +85,7 @@ class Effect(ABC):
     sharp: bool = True  # columns jump with the motion and need the filter K as well
     dynamic: bool = False  # columns are formed from the model's own prediction and change with it
     measured: bool = False  # columns are formed from the measured torque: they explain a part of it by themselves
+    of_time: bool = False  # a function of time: held-out rows lie beyond the fitted times and only may not contradict
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
     form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
     slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost

@@ -71,7 +71,6 @@ class TorqueRipple(Effect):
     """Cogging or torque ripple: periodic in the angle."""
 
     name = "torque_ripple"
-    form = 0.0
     title = "torque ripple"
     equation = "tau += a sin(n q) + b cos(n q), n cycles a turn of the joint"
     source = "Holtz, Springob 1996, IEEE Trans. Ind. Electronics 43(2)"

@@ -25,8 +25,9 @@ class FrictionDrift(Effect):
     """Friction that changes over the recording, as by warming up."""
 
     name = "friction_drift"
+    of_time = True
     title = "friction that drifts with time"
-    equation = "tau += d t (Coulomb s(dq) + viscous dq)"
+    equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
     aliases = ()
@@ -36,19 +37,28 @@ class FrictionDrift(Effect):
         train = scene.motion.time[~scene.motion.test]
         return "" if np.ptp(train) >= 8.0 else "less than eight seconds of fitted recording"
 
+    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+        span = float(np.ptp(scene.motion.time))
+        return ((1e3 * span,), (0.5 * span,), (0.2 * span,), (0.08 * span,))
+
     def columns(self, scene, joints, theta):
-        m = scene.motion
-        clock = (m.time - m.time[0])[:, None]
-        j = joints[0]
-        level = max(scene.coulomb[j], 1e-9)
-        return {j: clock * (level * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])}
+        m, j = scene.motion, joints[0]
+        clock = np.concatenate([m.time[a:b] for a, b in m.bounds]) - m.time.min()
+        grown = theta[0] * (1 - np.exp(-clock / theta[0]))[:, None]
+        return {j: grown * (max(scene.coulomb[j], 1e-9) * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])}
 
     def labels(self, joints, theta):
         return (per_joint("friction_drift", joints),)
 
+    def parameters(self, estimate: Estimate) -> dict[str, float]:
+        span = float(np.ptp(estimate.scene.motion.time))
+        mean = estimate.theta[0] / span * (1 - np.exp(-span / estimate.theta[0]))
+        return {per_joint("friction_drift", estimate.joints): float(estimate.beta[0] * mean)}
+
     def unphysical(self, estimate: Estimate) -> str:
-        span = np.ptp(estimate.scene.motion.time)
-        return "friction would fall below zero" if 1 + estimate.beta[0] * span < -0.2 else ""
+        span, constant = np.ptp(estimate.scene.motion.time), estimate.theta[0]
+        end = 1 + estimate.beta[0] * constant * (1 - np.exp(-span / constant))
+        return "friction would fall below zero" if end < -0.2 else ""
 
 
 class ExternalContact(Effect):

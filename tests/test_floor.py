@@ -1,4 +1,4 @@
-"""The noise floor from repeats (cosim/closure/floor.py) and the penalty on too many given columns (cosim/closure/gram.py)."""
+"""The noise floor from repeats (closure/floor.py) and the penalty on too many given columns (closure/gram.py)."""
 
 from types import SimpleNamespace
 
@@ -42,13 +42,14 @@ def test_floor_is_the_noise_that_the_filter_leaves():
     # White noise s through a Gaussian of w samples keeps s / sqrt(2 sqrt(pi) w); w = 2.5: 0.336 s.
     left = 0.1 / np.sqrt(2 * np.sqrt(np.pi) * 2.5)
     expected = 100 * left / np.sqrt(np.mean(clean**2, axis=0))
-    assert found == pytest.approx(tuple(expected), rel=0.12)  # 1000 rows a cycle hold about 110 independent values: 7 % a pair
+    # 1000 rows a cycle hold about 110 independent values: 7 % a pair.
+    assert found == pytest.approx(tuple(expected), rel=0.12)
 
 
 def problem(useful: int, seed: int):
-    """Two friction-like columns and 14 given ones, of which `useful` matter; 12 fitted and 6 held-out blocks of 30 rows in 6 runs."""
+    """Two columns of friction and 14 given ones, `useful` of them; 12 fitted, 6 held-out blocks of 30 rows, 6 runs."""
     rng = np.random.default_rng(seed)
-    drift = np.repeat(rng.normal(size=(18, 14)), 30, axis=0)  # given columns hardly move within a block, as on a short path
+    drift = np.repeat(rng.normal(size=(18, 14)), 30, axis=0)  # given columns hardly move within a block
     given = drift + 0.1 * rng.normal(size=(540, 14))
     own = rng.normal(size=(540, 2))
     y = own @ (3.0, 1.0) + given[:, :useful].sum(axis=1) + 0.3 * rng.normal(size=540)

@@ -10,7 +10,7 @@ STEP, KP, KD = 1e-3, 900.0, 40.0
 
 
 def plant(samples: int, pulse: float = 0.0, limit: float = np.inf, seconds: float = 6.0, cutoff: float = 0.0) -> Run:
-    """A mass of 1.2 kg with friction behind an encoder of 1e-6 m, under the law tau = KP e - KD L D q + pulse, explicit Euler."""
+    """A mass of 1.2 kg with friction behind an encoder of 1e-6 m, tau = KP e - KD L D q + pulse, by Euler."""
     n = int(seconds / STEP)
     time = np.arange(n) * STEP
     q_ref = 0.1 * np.sin(2 * np.pi * 0.7 * time) + 0.03 * np.sin(2 * np.pi * 2.3 * time)
@@ -71,7 +71,7 @@ def test_emps_law_is_that_of_its_authors(shared_data):
     folder = shared_data / "emps"
     data = read([folder / "emps_train.csv"], [folder / "emps_test_pulses.csv"], description=folder / "emps.toml")
     law = find_laws(data)[0]
-    # dataset.json: u = 243.45 (160.18 (q_ref - q) - dq) V at 35.15 N/V, dq of two-row means; the encoder's 5e-8 m leave 0.2 %.
+    # dataset.json: u = 243.45 (160.18 (q_ref - q) - dq) V at 35.15 N/V, dq of two-row means; 5e-8 m of q leave 0.2 %.
     assert law.samples == 2
     assert law.kp == pytest.approx(160.18 * 243.45 * 35.15065188, rel=1e-3)
     assert law.kd == pytest.approx(243.45 * 35.15065188, rel=1e-3)

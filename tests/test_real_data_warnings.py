@@ -45,13 +45,13 @@ def test_excerpts_read_and_alternate_too():
 
 
 def test_an_emptied_acceleration_is_told_from_a_noisy_one():
-    """Inertia 2, white disturbance; a 4th-order 60 Hz low-pass on the acceleration alone empties it above about 130 Hz."""
+    """Inertia 2, white disturbance; a 60 Hz low-pass on the acceleration alone empties it above about 130 Hz."""
     from scipy.signal import butter, sosfiltfilt
 
     rng, step = np.random.default_rng(3), 1e-3
     acceleration = rng.normal(size=8000)
     torque = 2 * acceleration + 0.2 * rng.normal(size=8000)
-    low_pass = lambda x: sosfiltfilt(butter(4, 60, fs=1 / step, output="sos"), x)  # noqa: E731
+    low_pass = lambda x: sosfiltfilt(butter(4, 60, fs=1 / step, output="sos"), x)
     assert emptied(acceleration + 3 * np.diff(rng.normal(size=8002), 2), torque, step) is None
     assert emptied(low_pass(acceleration), low_pass(torque), step) is None
     # |H|^2 of the forward-backward filter is 1/20 where (f/60)^8 = 20, at 87 Hz; bands are 31 Hz wide.

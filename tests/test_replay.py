@@ -1,4 +1,4 @@
-"""The recorded experiment replayed through FMUs (cosim/closure/replay.py), against a plant integrated here in Python."""
+"""The recorded experiment replayed through FMUs (cosim/closure/replay.py), against a plant integrated in Python."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,19 @@ from cosim.closure.replay import replay, without_hold
 from cosim.measured import Recording, Run, parse_description
 
 STEP, KP, KD, FINE = 1e-3, 900.0, 40.0, 10
-TRUE = {"inertia": 1.2, "viscous": 3.0, "coulomb": 1.5, "coulomb_velocity": 0.02, "viscous_asymmetry": -1.5, "torque_offset": 0.3}
+TRUE = {
+    "inertia": 1.2,
+    "viscous": 3.0,
+    "coulomb": 1.5,
+    "coulomb_velocity": 0.02,
+    "viscous_asymmetry": -1.5,
+    "torque_offset": 0.3,
+}
 PLAIN = {**TRUE, "viscous_asymmetry": 0.0}
 
 
 def recorded(pulse: float = 0.0, seconds: float = 4.0) -> Run:
-    """A PD loop sampled at 1 kHz around a friction drive, semi-implicit Euler at 10 kHz, exact encoder; second half held out, with pulses."""
+    """A PD loop sampled at 1 kHz around a friction drive, Euler at 10 kHz; second half held out, pulses."""
     n = int(seconds / STEP)
     time = np.arange(n) * STEP
     q_ref = 0.15 * np.sin(2 * np.pi * 0.7 * time) + 0.04 * np.sin(2 * np.pi * 1.9 * time)
@@ -37,7 +44,7 @@ def recording(run: Run) -> Recording:
 def test_the_true_plant_gives_the_recorded_torque_back(pulse):
     found = replay(recording(recorded(pulse)), PLAIN, TRUE)
     assert found.kind == "closed loop"
-    # Euler at 0.1 ms against RK4: relative error of the order 0.1 ms / (time constant 30 ms), 0.3 %; the missing asymmetry is 10 %.
+    # Euler at 0.1 ms against RK4: error of the order 0.1 ms / (time constant 30 ms), 0.3 %; the asymmetry is 10 %.
     assert found.after[0] < 0.5
     assert found.before[0] > 5.0
     assert found.interval[0][0] <= found.after[0] <= found.interval[0][1]
@@ -55,7 +62,10 @@ def test_without_a_reference_the_drive_is_guided_along_the_recorded_path():
 
 
 def test_half_a_step_of_a_sampled_lag_is_already_in_the_replay():
-    assert without_hold({"actuator_lag": 0.8e-3, "viscous": 1.0}, STEP) == {"actuator_lag": pytest.approx(0.3e-3), "viscous": 1.0}
+    assert without_hold({"actuator_lag": 0.8e-3, "viscous": 1.0}, STEP) == {
+        "actuator_lag": pytest.approx(0.3e-3),
+        "viscous": 1.0,
+    }
     assert without_hold({"time_delay": [0.2e-3, 0.0, 3e-3]}, STEP)["time_delay"] == pytest.approx([0.0, 0.0, 2.5e-3])
 
 
@@ -66,16 +76,18 @@ def test_a_regressor_has_no_replay():
 
 
 def test_emps_replay_before_and_after(shared_data):
-    """Figures of the authors' model and of one with their asymmetry, a lag and a low-speed term (PHYSICS, dataset.json)."""
+    """The authors' model, and one with their asymmetry, a lag and a low-speed term (dataset.json)."""
     from cosim.measured import read
 
     folder = shared_data / "emps"
     data = read([folder / "emps_train.csv"], [folder / "emps_test_pulses.csv"], description=folder / "emps.toml")
     before = {"inertia": 95.11, "viscous": 203.5, "coulomb": 20.39, "torque_offset": -3.16, "coulomb_velocity": 1e-3}
     after = {"inertia": 95.04, "viscous": 187.0, "coulomb": 11.94, "torque_offset": -0.25, "viscous_asymmetry": -36.77,
-             "coulomb_velocity": 0.0135, "actuator_lag": 0.8e-3, "hysteresis": 10.44, "hysteresis_length": 8.6e-6}  # fmt: skip
+             "coulomb_velocity": 0.0135,
+             "actuator_lag": 0.8e-3, "hysteresis": 10.44, "hysteresis_length": 8.6e-6}  # fmt: skip
     fair, naive = replay(data, before, without_hold(after, 1e-3)), replay(data, before, after)
     assert fair.raw_before[0] < 6.0  # issue 6: 8.7 -> 4.0, of the unfiltered force
     assert fair.raw_after[0] < 3.3
     assert fair.after[0] < 3.0
-    assert naive.raw_after[0] > fair.raw_before[0]  # the lag of the sampled regression as it stands makes the replay worse
+    # The lag of the sampled regression as it stands makes the replay worse.
+    assert naive.raw_after[0] > fair.raw_before[0]

@@ -1,7 +1,9 @@
 """The noise floor of a recording: how far the torque differs between repeats of the same motion.
 
 Where all joints go through the same motion again after a period P, the torque of the repeats has no reason to differ
-that a model of the motion could know. floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque.
+that a model of the motion could know.
+
+    floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
     tau_k = kp (q_ref,k - q_k) + kd_ref D q_ref,k - kd L D q_k + offset + a sin q_k + b cos q_k
 
-with D x_k = (x_k - x_{k-n}) / (n H), L a first-order low-pass or nothing, and the last terms a feed-forward of the weight.
+with D x_k = (x_k - x_{k-n}) / (n H), L a first-order low-pass or nothing; the last terms feed the weight forward.
 
 Where this law gives back the recorded torque, the run can be replayed in closed loop. That is no circle: q_ref was
 chosen by the experimenter, not by the plant. What the law leaves over (pulses added to the command) is a recorded

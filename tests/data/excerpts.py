@@ -1,7 +1,7 @@
 """Cuts the excerpts in this folder out of the shared measured data: python tests/data/excerpts.py SHARED_DATA_FOLDER.
 
-Cable tool: means of ten rows, 50 Hz left. Pendulum gravity_comp: every tenth row. TX40: five digits. Nothing else is changed; the
-licence beside each file names its source.
+Cable tool: means of ten rows, 50 Hz left. Pendulum gravity_comp: every tenth row. TX40: five digits. Nothing else is
+changed; the licence beside each file names its source.
 """
 
 import csv

@@ -113,6 +113,8 @@ def polish(system: DelaySystem, guess: complex) -> complex | None:
     """
     s = complex(guess)
     for _ in range(_POLISH):
+        if not np.isfinite(s) or -s.real * system.longest > 600.0:  # exp(-s tau) would overflow: far left, not sought
+            return None
         steps = eigvals(system.characteristic(s), system.slope(s))
         steps = steps[np.isfinite(steps)]
         if steps.size == 0:

@@ -1,0 +1,126 @@
+"""What sweeps cost: kernel against the fmpy loop, a map by brute force, a traced boundary, start-up, commands.
+
+    python -m tests.benchmarks.sweeps [--quick]
+
+Processor seconds, so that a busy machine troubles all alike; wall-clock time beside where a user waits for it.
+"""
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cosim.fmu import open_system
+from cosim.judging import twin_of
+from cosim.master import run
+from cosim.scenario import load_scenario, with_parameters
+from cosim.stability.verdict import judge
+from cosim.sweep import kernel
+from cosim.sweep.evaluate import _signals
+from tests.benchmarks.engines import Case, fmpy_lists, machine, timed
+
+PAPER = {
+    "experiment.stop": 20.0, "arm_*.q_start": [0.0, 0.0, 0.0], "operator.amplitude": 0.0,
+    "arm_l.dq_start": [0.01, 0.01, 0.01], "arm_r.dq_start": [-0.01, -0.01, -0.01],
+}  # fmt: skip
+SPEC = """
+format = 1
+title = "benchmark"
+description = "gain against delay, the paper's loop, 20 s"
+scenario = "sallam-nodelay"
+[set]
+"experiment.stop" = 20.0
+"arm_*.q_start" = [0.0, 0.0, 0.0]
+"operator.amplitude" = 0.0
+"arm_l.dq_start" = [0.01, 0.01, 0.01]
+"arm_r.dq_start" = [-0.01, -0.01, -0.01]
+[[axes]]
+name = "stiffness"
+unit = "N/m"
+paths = ["controller_*.stiffness"]
+low = 0.1
+high = 1.0
+{count}
+[[axes]]
+name = "delay"
+unit = "s"
+paths = ["channel_*.delay_mean"]
+low = 0.05
+high = 0.8
+{count}
+{design}
+"""
+
+
+def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
+    """Milliseconds of processor time of the parts of a sweep's point, and of the fmpy loop on the same scenario."""
+    base = with_parameters(load_scenario("sallam-nodelay"), PAPER)
+    loop = fmpy_lists(Case(with_parameters(base, {"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold"}), folder))
+    ends = [{"controller_*.stiffness": float(k), "channel_*.delay_mean": 0.3} for k in np.linspace(0.1, 1.0, kernel.lanes())]
+    found: dict[str, list[float]] = {}
+    with open_system(base) as system:
+        wirings = [system.wiring(with_parameters(base, values)) for values in ends]
+        record = _signals(wirings[0])
+        twins = kernel.run_batch([system.wiring(twin_of(w)) for w in wirings], record)
+        run(base, system)
+        for _ in range(rounds):
+            note = lambda name, seconds: found.setdefault(name, []).append(1e3 * seconds)  # noqa: E731
+            note("fmpy loop, one get and set per FMU", loop())
+            note("compiled co-simulation", timed(lambda: run(base, system, record=record)))
+            began = time.process_time()
+            results = kernel.run_batch(wirings, record)
+            note("batch kernel, per scenario", (time.process_time() - began) / len(wirings))
+            note("verdict (judge)", timed(lambda: [judge(*pair) for pair in zip(results, twins)]) / len(wirings))
+            short = with_parameters(base, {"experiment.stop": 0.001})
+            run(short, system)
+            note("start of a repeated run", timed(lambda: [run(short, system) for _ in range(20)]) / 20)
+    return [(name, statistics.median(values)) for name, values in found.items()]
+
+
+def command(*words: str) -> tuple[float, float]:
+    """Wall-clock and processor seconds of a command, its workers included."""
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run([sys.executable, "-m", "cosim", *words], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.perf_counter() - began, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def commands(folder: Path, count: int) -> list[tuple[str, float, float]]:
+    (folder / "map.toml").write_text(SPEC.format(count=f"count = {count}", design="[grid]"))
+    (folder / "traced.toml").write_text(SPEC.format(count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'))
+    quiet = ("--no-report", "--out")
+    run20 = ("run", "sallam-stable", "--set", "experiment.stop=20", *quiet)
+    return [
+        ("cosim --help", *min(command("--help") for _ in range(3))),
+        ("cosim run, 20 s, no report", *min(command(*run20, str(folder / "run")) for _ in range(3))),
+        ("boundary traced, two workers", *command("sweep", str(folder / "traced.toml"), "--workers", "2", *quiet, str(folder / "t"))),
+        (f"map {count} x {count}, two workers", *command("sweep", str(folder / "map.toml"), "--workers", "2", *quiet, str(folder / "m"))),
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a 20 x 20 map and two rounds")
+    quick = parser.parse_args().quick
+    print(machine(), "\n", sep="")
+    with tempfile.TemporaryDirectory(prefix="cosim-bench-") as name:
+        rows = parts(2 if quick else 5, Path(name))
+        loop = dict(rows)["fmpy loop, one get and set per FMU"]
+        print("| per 20 s scenario | processor ms | the fmpy loop takes times |\n|---|---|---|")
+        for part, value in rows:
+            print(f"| {part} | {value:.3g} | {loop / value:.3g} |")
+        print("\n| command | wall-clock s | processor s |\n|---|---|---|", flush=True)
+        for words, wall, cpu in commands(Path(name), 20 if quick else 50):
+            print(f"| {words} | {wall:.3g} | {cpu:.3g} |", flush=True)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""The loop on blind rigs (tests/rig: own equations): a small version of the studies, one batch of twenty-second runs.
+
+The studies with many seeds are `python -m tests.rig.study ...`; their results stand in cosim/closure/README.md.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # tests/rig is a package of the checkout, not of the wheel
+
+from tests.rig.cases import complete, hidden, outside  # noqa: E402
+from tests.rig.experiment import Experiment, record  # noqa: E402
+from tests.rig.trial import Outcome, judge  # noqa: E402
+
+SIZE = 4.0
+CASES = {
+    "complete smooth": complete(9),
+    "complete sign": complete(10),
+    "stribeck": hidden("stribeck", SIZE, 12),
+    "viscous_asymmetry": hidden("viscous_asymmetry", SIZE, 13),
+    "position_torque": hidden("position_torque", SIZE, 12),
+    "hysteresis": hidden("hysteresis", SIZE, 13),
+    "torque_ripple": hidden("torque_ripple", SIZE, 12),
+    "load_friction": hidden("load_friction", SIZE, 13),
+    "base_tilt": hidden("base_tilt", SIZE, 12),
+    "joint_coupling": hidden("joint_coupling", SIZE, 13),
+    "payload": hidden("payload", SIZE, 12),
+    "cross": outside("cross", SIZE, 12),
+    "drag_at_angle": outside("drag_at_angle", SIZE, 13),
+}
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> dict[str, Outcome]:
+    experiments = [Experiment(seed=k, highest=6.0, noise=3e-4) for k in range(len(CASES))]
+    runs = record([case.plant for case in CASES.values()], experiments, duration=20.0, substeps=2)
+    tasks = zip(runs, CASES.values(), experiments, strict=True)
+    return {name: Outcome(**judge(task)) for name, task in zip(CASES, tasks, strict=True)}
+
+
+@pytest.mark.parametrize("name", ["complete smooth", "complete sign"])
+def test_a_complete_model_is_called_complete(outcomes, name):
+    assert (outcomes[name].verdict, outcomes[name].found) == ("model_complete", [])
+
+
+@pytest.mark.parametrize("name", [n for n, c in CASES.items() if c.truth and "unknown" not in c.truth])
+def test_a_hidden_effect_is_named_on_its_joint(outcomes, name):
+    outcome = outcomes[name]
+    assert outcome.verdict == "effect_found"
+    assert outcome.right, (outcome.truth, outcome.found)
+    joint = min(next(iter(outcome.truth.values()))) - 1
+    assert outcome.after[joint] < 0.7 * outcome.before[joint]
+
+
+@pytest.mark.parametrize("name", ["cross", "drag_at_angle"])
+def test_an_effect_that_no_library_has_gets_no_name(outcomes, name):
+    outcome = outcomes[name]
+    assert (outcome.verdict, outcome.found) == ("unexplained", [])
+    joint = next(iter(outcome.truth["unknown"]))
+    assert joint in {j for j, _ in outcome.unknown}
+
+
+def test_parameters_come_out_as_they_were_put_in(outcomes):
+    """Truth of the rig: 0.15 * 4 of the Coulomb level at 0.25 rad/s; 10 % covers what noise and the friction law's form may do."""
+    outcome = outcomes["stribeck"]
+    joint = next(iter(outcome.truth["stribeck"]))
+    level = CASES["stribeck"].plant.stribeck[joint - 1]
+    assert outcome.parameters[f"stribeck[{joint}]"] == pytest.approx(level, rel=0.1)
+    assert outcome.parameters[f"stribeck_velocity[{joint}]"] == pytest.approx(0.25, rel=0.1)
+    payload = outcomes["payload"].parameters["payload"]
+    assert payload == pytest.approx(CASES["payload"].plant.payload, rel=0.05)
+    json.dumps(outcome.interval, allow_nan=False)

@@ -1,0 +1,164 @@
+"""Parts of the residual loop against oracles of their own: filter, jackknife, Dahl state, files, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim.closure import effects_file
+from cosim.closure.closure import Options, close_loop
+from cosim.closure.gram import accumulate, fit
+from cosim.closure.smoothing import convolve, curve_kernel, kernel, slope_kernel
+from cosim.closure.verdict import Answer
+from cosim.effects import BUILT_IN, library
+from cosim.effects.position import dahl
+from cosim.errors import InputError
+from cosim.measured import Description, Recording, Run, parse_description
+
+CONTRACT = """stribeck coulomb_asymmetry viscous_asymmetry torque_offset load_friction position_friction position_torque torque_ripple
+hysteresis quadratic_drag actuator_lag time_delay torque_gain torque_saturation torque_deadband joint_elasticity backlash payload base_tilt
+encoder_offset friction_drift external_contact joint_coupling""".split()
+
+
+def test_library_has_the_names_of_the_contract():
+    assert {effect.name for effect in BUILT_IN} == set(CONTRACT)
+    assert all(effect.equation and effect.source and effect.title for effect in BUILT_IN)
+
+
+def test_aliases_name_effects_that_exist():
+    names = {effect.name for effect in BUILT_IN}
+    assert {alias.name for effect in BUILT_IN for alias in effect.aliases} <= names
+
+
+def test_derivative_kernels_are_the_derivatives_of_the_smoothed_signal():
+    """Away from the ends, K' q is the difference quotient of K q: both are linear in q, so a polynomial of degree three decides."""
+    t = np.arange(-60, 61) / 10.0
+    q = 1 + 2 * t - 0.7 * t**2 + 0.3 * t**3
+    smooth = convolve(q, kernel(5.0))
+    middle = slice(30, -30)
+    slope = (2 - 1.4 * t + 0.9 * t**2 + 0.9 * (0.5**2)) / 10.0  # the kernel adds half the third derivative times its variance
+    assert np.allclose(convolve(q, slope_kernel(5.0))[middle], slope[middle], rtol=2e-3, atol=1e-4)
+    assert np.allclose(convolve(q, curve_kernel(5.0))[middle], ((-1.4 + 1.8 * t) / 100.0)[middle], rtol=1e-6, atol=1e-9)
+    assert np.allclose(smooth[middle], (q + 0.5 * (-1.4 + 1.8 * t) * 0.5**2)[middle], rtol=2e-3, atol=2e-3)
+
+
+def test_jackknife_equals_refits_without_each_block():
+    random = np.random.default_rng(1)
+    x, block = random.normal(size=(1, 200, 3)), np.repeat(np.arange(10), 20)
+    y = x[0] @ (1.0, -2.0, 0.5) + 0.1 * random.normal(size=200)
+    found = fit(accumulate(x, y[None], block, 10, 7))
+    for b in range(7):
+        rest = (block < 7) & (block != b)
+        beta = np.linalg.lstsq(x[0, rest], y[rest], rcond=None)[0]
+        assert np.allclose(found.left_out[b], beta, rtol=1e-7)
+        own = block == b
+        assert found.sse[b, 0] == pytest.approx(((y[own] - x[0, own] @ beta) ** 2).sum(), rel=1e-6)
+
+
+def test_dahl_state_solves_its_differential_equation():
+    class Motion:
+        time = np.linspace(0, 2, 20001)
+        q = 0.1 * np.sin(2 * np.pi * time)[:, None]
+        bounds = ((0, 20001),)
+
+    z = dahl(Motion, 0, 0.03)
+    dq = np.gradient(Motion.q[:, 0], Motion.time)
+    left = np.gradient(z, Motion.time) - (dq - np.abs(dq) * z) / 0.03
+    away = np.abs(dq) > 0.05  # the sign jumps at reversals, differences there see both sides
+    assert np.abs(left[away]).max() < 5e-3 * np.abs(dq).max() / 0.03
+
+
+def still(tau, q=None, seconds=20.0, **description):
+    time = np.arange(0, seconds, 0.002)
+    q = 1.2 * np.sin(2 * time) + 0.4 * np.sin(5.1 * time) if q is None else q(time)
+    values = tau(time, q, np.gradient(q, time))
+    run = Run("run", time, q[:, None], values[:, None], np.arange(len(time)) >= len(time) // 2)
+    table = {"device": "axis", "gravity": True, "columns": {"time": "t", "q": ["q"], "tau": ["tau"]}} | description
+    return Recording(parse_description(table, "test"), (run,))
+
+
+def test_a_torque_computed_from_the_state_is_refused():
+    noise = np.random.default_rng(0)
+    closure = close_loop(still(lambda t, q, dq: 3.3 * np.sin(q) - 0.2 * dq + 0.002 * noise.normal(size=len(t))))
+    assert closure.verdict.answer is Answer.REFUSED
+    assert any("circular" in text for text in closure.warnings)
+
+
+def test_a_joint_that_does_not_move_is_refused():
+    random = np.random.default_rng(0)
+    closure = close_loop(still(lambda t, q, dq: 0.1 * random.normal(size=len(t)), q=lambda t: 0.3 + 0 * t))
+    assert closure.verdict.answer is Answer.REFUSED
+
+
+def test_too_short_a_recording_is_refused():
+    closure = close_loop(still(lambda t, q, dq: 0.1 * np.gradient(dq, t) + q, seconds=3.0))
+    assert closure.verdict.answer is Answer.REFUSED
+    assert any("too short" in text for text in closure.warnings)
+
+
+OWN = '''
+import numpy as np
+from cosim.effects import Effect
+
+class Cogwheel(Effect):
+    """A torque of the square of the angle."""
+    name = "cogwheel"
+    equation = "tau += c sin(7 q)"
+
+    def columns(self, scene, joints, theta):
+        return {joints[0]: np.sin(7 * scene.motion.q[:, joints])}
+
+    def labels(self, joints, theta):
+        return ("cogwheel",)
+'''
+
+
+def test_an_effect_of_the_users_own_file_is_found(tmp_path):
+    (tmp_path / "own.py").write_text(OWN)
+    effects = tuple(e for e in library([tmp_path / "own.py"]) if e.name not in ("torque_ripple", "position_torque"))
+    random = np.random.default_rng(2)
+
+    def tau(t, q, dq):
+        return 0.05 * np.gradient(dq, t) + 0.3 * np.sin(q) + 0.04 * dq + 0.1 * np.tanh(dq / 0.02) + 0.08 * np.sin(7 * q) + 0.004 * random.normal(size=len(t))
+
+    closure = close_loop(still(tau), Options(effects=effects, replayed=False))
+    assert [f.name for f in closure.verdict.findings] == ["cogwheel"]
+    assert closure.verdict.findings[0].parameters["cogwheel"] == pytest.approx(0.08, rel=0.03)
+
+
+@pytest.mark.parametrize(("text", "words"), [("x = 1", "derived from"), ("raise ValueError('no')", "ValueError")])
+def test_a_file_without_an_effect_is_refused_in_words(tmp_path, text, words):
+    (tmp_path / "bad.py").write_text(text)
+    with pytest.raises(InputError, match=words):
+        library([tmp_path / "bad.py"])
+
+
+def test_effects_file_starts_the_next_pass(tmp_path):
+    random = np.random.default_rng(3)
+
+    def tau(t, q, dq):
+        return 0.05 * np.gradient(dq, t) + 0.3 * np.sin(q) + 0.04 * dq + 0.03 * np.abs(dq) + 0.1 * np.tanh(dq / 0.02) + 0.003 * random.normal(size=len(t))
+
+    first = close_loop(still(tau), Options(replayed=False))
+    assert [f.name for f in first.verdict.findings] == ["viscous_asymmetry"]
+    file = tmp_path / "effects.toml"
+    file.write_text(effects_file.text(first.verdict.findings, "axis", first.effect_values, "run"))
+    previous = effects_file.load(file, library())
+    second = close_loop(still(tau), Options(previous=previous, replayed=False))
+    assert second.error.before[0] == pytest.approx(first.error.after[0], rel=0.05)
+    assert second.verdict.answer in (Answer.COMPLETE, Answer.FOUND)
+
+
+def test_unknown_names_in_an_effects_file_are_told(tmp_path):
+    (tmp_path / "effects.toml").write_text('format = 1\n[[effects]]\nname = "stribek"\njoints = [1]\n')
+    with pytest.raises(InputError, match="stribeck"):
+        effects_file.load(tmp_path / "effects.toml", library())
+
+
+def test_the_answer_is_plain_json_in_every_case(tmp_path):
+    from cosim.closure.answer import answer
+
+    for closure in (close_loop(still(lambda t, q, dq: 3.3 * np.sin(q) - 0.2 * dq)), close_loop(still(lambda t, q, dq: q, seconds=3.0))):
+        result = json.loads(json.dumps(answer(closure), allow_nan=False))
+        assert {"verdict", "effects", "torque_error", "replay_error", "warnings"} <= set(result)
+        assert Description().device == "phantom"

@@ -297,7 +297,9 @@ def one_lane(case: Case) -> Runner:
     def once() -> float:
         kernel._library = lambda: library
         try:
-            return timed(lambda: kernel.run_batch([case.wiring], ["arm_l.q", "arm_l.dq", "arm_l.x", "arm_r.q", "arm_r.dq", "arm_r.x"]))
+            began = time.process_time()  # it runs in a thread of its own
+            kernel.run_batch([case.wiring], [f"{arm}.{name}" for arm in ("arm_l", "arm_r") for name in ("q", "dq", "x")])
+            return time.process_time() - began
         finally:
             kernel._library = usual
 

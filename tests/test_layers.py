@@ -112,6 +112,7 @@ def test_commands_import_nothing_heavy_at_the_top(path):
         "cosim",
         "pathlib",
         "sys",
+        "os",
         "typing",
         "enum",
         "collections",

@@ -22,6 +22,12 @@ BETTER = 3.0  # standard errors by which a nameless function has to beat all nam
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
 
+RELATIVES = {
+    "time_delay": ("actuator_lag", "backlash"), "actuator_lag": ("time_delay", "joint_elasticity"), "backlash": ("joint_elasticity", "time_delay"),
+    "joint_elasticity": ("backlash", "actuator_lag"), "hysteresis": ("joint_elasticity", "backlash"),
+}  # fmt: skip
+
+
 class Answer(Enum):
     """The four answers of the contract."""
 
@@ -39,6 +45,7 @@ class Finding:
     parameters: dict[str, float]
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
+    rest: bool = False  # something is left on its joint without a name
 
     @property
     def effect(self) -> Effect:
@@ -59,8 +66,15 @@ class Finding:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """Names within one standard error, closest first, at most `LISTED`."""
-        return tuple(rival.evidence.name for rival in self.indistinguishable)[:LISTED]
+        """Names that the data cannot tell from this one, closest first, at most `LISTED`.
+
+        Those that no motion tells apart, those within one standard error, and the relatives of an effect between motor and link that
+        leaves a nameless rest on its joint: their details, which decide between them, are in that rest.
+        """
+        inherent = [alias.name for alias in self.effect.aliases if alias.always]
+        close = [rival.evidence.name for rival in self.indistinguishable]
+        relatives = RELATIVES.get(self.name, ()) if self.rest else ()
+        return tuple(dict.fromkeys((*inherent, *close, *relatives)))[:LISTED]
 
     @property
     def separated_by(self) -> str:
@@ -98,6 +112,8 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     if withdrawn:
         model = polished(with_choices(selection.before, tuple(c for k, c in enumerate(model.choices) if k not in reasons)))
         left = leftovers(model, rule) or left
+    rest = {leftover.joint for leftover in left}
+    kept = tuple(evolve(f, rest=bool(rest & set(f.evidence.joints))) for f in kept)
     return _answer(kept, withdrawn, left, model)
 
 
@@ -204,7 +220,7 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
             theta_std[index] = np.sqrt(max(beta_cov[k + place, k + place], 0.0))
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
     t = _quantile(model)
-    std = np.hypot(std, choice.effect.form * np.abs(beta))
+    std = np.hypot(std, choice.effect.form * (np.linalg.norm(beta) if choice.effect.amplitude else np.abs(beta)))
     for index in free:
         change = choice.effect.moved(choice.theta, index, choice.effect.form)[index] - choice.theta[index]
         theta_std[index] = np.hypot(theta_std[index], change)

@@ -27,7 +27,7 @@ class ActuatorLag(Effect):
     sharp = False
     dynamic = True
     slack = 1.0
-    aliases = (Alias("time_delay", _FAST), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+    aliases = (Alias("time_delay", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
 
     def joint_sets(self, scene: Scene):
@@ -60,7 +60,7 @@ class TimeDelay(Effect):
     sharp = False
     dynamic = True
     slack = 1.0
-    aliases = (Alias("actuator_lag", _FAST), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+    aliases = (Alias("actuator_lag", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
 
     def joint_sets(self, scene: Scene):

@@ -88,6 +88,7 @@ class Effect(ABC):
     of_time: bool = False  # a function of time: held-out rows lie beyond the fitted times and only may not contradict
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
     form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
+    amplitude: bool = False  # the coefficients are the parts of one amplitude, such as sine and cosine
     slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost
     aliases: tuple[Alias, ...] = ()
     needs: str = ""  # what the data must hold

@@ -9,6 +9,7 @@ class PositionFriction(Effect):
     """A Coulomb level that changes around the turn."""
 
     name = "position_friction"
+    amplitude = True
     title = "Coulomb friction that depends on the angle"
     equation = "tau += (a sin q + b cos q) s(dq)"
     source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
@@ -66,11 +67,17 @@ class PositionTorque(Effect):
     def parameters(self, estimate: Estimate) -> dict[str, float]:
         return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
 
+    def unphysical(self, estimate: Estimate) -> str:
+        shape = self.SHAPES[int(estimate.theta[0])]
+        bent = [abs(b) > 3 * s for k, b, s in zip(shape, estimate.beta, estimate.std, strict=True) if k > 0]
+        return "" if any(bent) else "only its constant differs from zero: a torque offset"
+
 
 class TorqueRipple(Effect):
     """Cogging or torque ripple: periodic in the angle."""
 
     name = "torque_ripple"
+    amplitude = True
     title = "torque ripple"
     equation = "tau += a sin(n q) + b cos(n q), n cycles a turn of the joint"
     source = "Holtz, Springob 1996, IEEE Trans. Ind. Electronics 43(2)"

@@ -43,7 +43,7 @@ class FrictionDrift(Effect):
 
     def columns(self, scene, joints, theta):
         m, j = scene.motion, joints[0]
-        clock = np.concatenate([m.time[a:b] for a, b in m.bounds]) - m.time.min()
+        clock = m.time - m.time.min()
         grown = theta[0] * (1 - np.exp(-clock / theta[0]))[:, None]
         return {j: grown * (max(scene.coulomb[j], 1e-9) * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])}
 

@@ -44,7 +44,7 @@ class FrictionDrift(Effect):
     def columns(self, scene, joints, theta):
         m, j = scene.motion, joints[0]
         clock = m.time - m.time.min()
-        grown = theta[0] * (1 - np.exp(-clock / theta[0]))[:, None]
+        grown = theta[0] * -np.expm1(-clock / theta[0])[:, None]
         return {j: grown * (max(scene.coulomb[j], 1e-9) * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])}
 
     def labels(self, joints, theta):
@@ -52,12 +52,12 @@ class FrictionDrift(Effect):
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
         span = float(np.ptp(estimate.scene.motion.time))
-        mean = estimate.theta[0] / span * (1 - np.exp(-span / estimate.theta[0]))
+        mean = estimate.theta[0] / span * -np.expm1(-span / estimate.theta[0])
         return {per_joint("friction_drift", estimate.joints): float(estimate.beta[0] * mean)}
 
     def unphysical(self, estimate: Estimate) -> str:
         span, constant = np.ptp(estimate.scene.motion.time), estimate.theta[0]
-        end = 1 + estimate.beta[0] * constant * (1 - np.exp(-span / constant))
+        end = 1 + estimate.beta[0] * constant * -np.expm1(-span / constant)
         return "friction would fall below zero" if end < -0.2 else ""
 
 

@@ -10,6 +10,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "../shared/schedule.h"
+
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
 #else
@@ -72,24 +74,6 @@ typedef struct {
     const int64_t *source; /* places in the store of the instance's inputs */
     int64_t fresh;
 } Start;
-
-enum { SET, STEP, GET }; /* kinds of operation */
-
-/* An operation of schedule.py. SET: source (all inputs), then along lines. STEP: over `size` seconds. */
-typedef struct {
-    int64_t kind, component, n_source, n_line, inside;
-    const int64_t *source, *line, *newer, *older;
-    const double *weight, *span;
-    double size; /* s */
-} Operation;
-
-/* A communication step: operations, and the places that its row is taken from. */
-typedef struct {
-    const Operation *operations;
-    int64_t n_operations;
-    const int64_t *columns;
-    int64_t in_order; /* the columns are places one after another */
-} Phase;
 
 typedef struct {
     Slave *slaves;

@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #include "../PhantomArm/arm.h"
+#include "../shared/schedule.h"
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -30,22 +31,6 @@
 #define MAX_OUTPUTS 12
 
 enum { ARM, CONTROLLER, CHANNEL, SERIES };
-enum { SET, STEP, GET };
-
-/* See executor.c. */
-typedef struct {
-    int64_t kind, component, n_source, n_line, inside;
-    const int64_t *source, *line, *newer, *older;
-    const double *weight, *span;
-    double size; /* s */
-} Operation;
-
-typedef struct {
-    const Operation *operations;
-    int64_t n_operations;
-    const int64_t *columns;
-    int64_t in_order;
-} Phase;
 
 /* Inputs and outputs by number, so that wired ones can be named: what each kind has, in this order. */
 /* ARM         in: tau 0-2, f 3-5, f_command 6-8, x_ref 9-11      out: q 0-2, dq 3-5, x 6-8, dx 9-11 */

@@ -26,7 +26,10 @@ def stability(tmp_path, *arguments):
 
     run = CliRunner().invoke(_app("stability", True), ["stability", *arguments, "--out", str(tmp_path)])
     assert run.exit_code == 0, run.output
-    return json.loads((tmp_path / "stability.json").read_text())
+    found = json.loads((tmp_path / "stability.json").read_text())
+    head = run.stdout.splitlines()[0]
+    assert head == f"{found['scenario']}: {found['simulation']['outcome']}; {found['evidence_meaning']}"
+    return found
 
 
 def test_eq10_says_stable_where_spectrum_and_simulation_say_unstable(tmp_path):

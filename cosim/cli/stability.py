@@ -107,7 +107,8 @@ def _spoken(found, folder: Path) -> str:
         rows += [("simulation", judged.outcome.value)]
     rows += [("evidence", found.evidence.value), ("results", str(folder))]
     width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+    head = f"{judged.result.scenario.name}: {judged.outcome.value}; {found.evidence.meaning}"
+    return "\n".join([head, *(f"  {name:<{width}}  {value}" for name, value in rows)])
 
 
 def _verdict(holds: bool, yes: str, no: str, limit: float) -> str:

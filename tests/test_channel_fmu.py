@@ -7,6 +7,10 @@ from model_harness import CompiledModel
 from probe import Importer
 
 from build_fmus import fmu_path
+from cosim.errors import InputError
+from cosim.master import run
+from cosim.outcome import Outcome
+from cosim.scenario import Component, Experiment, Scenario, with_parameters
 
 PARAMETERS = {
     "law": 3,
@@ -97,3 +101,28 @@ def test_too_long_a_delay_names_delay_buffer_and_step(fmi):
     assert any(all(w in m for w in ("0.09 s", "8192 samples", "step of 1e-05 s")) for m in fmu.messages), fmu.messages[
         -1:
     ]
+
+
+STEPS = 8190  # of delay that cosim accepts
+
+
+@pytest.mark.parametrize("semantics", range(1, 5))
+def test_cosim_refuses_beforehand_what_the_buffer_does_not_hold(semantics):
+    """The longest delay that passes the check runs beyond it; two steps more are refused, and fail in the FMU itself."""
+
+    def chosen(steps, **more):
+        parameters = {"semantics": semantics, "delay_mean": steps * 1e-3, **more}
+        return Scenario("long", Experiment(stop=10.0), {"channel": Component("VariableDelayChannel", parameters=parameters)}, ())
+
+    assert run(chosen(STEPS)).outcome is Outcome.BOUNDED
+    with pytest.raises(InputError, match="delay_mean: expected at most 8.19 s.*got 8.192 s; take steps of 0.001 s"):
+        run(chosen(STEPS + 2))
+    with pytest.raises(InputError, match="channel.delay_max"):
+        run(chosen(0, law="uniform", delay_max=9.0))
+    for change in ({"experiment.stop": 8.0}, {"experiment.step": 0.002}, {"channel.step_multiple": 2}):
+        assert run(with_parameters(chosen(STEPS + 2), change)).outcome is Outcome.BOUNDED
+    fmu = Importer(fmu_path("VariableDelayChannel", 2), {"semantics": semantics, "delay_mean": (STEPS + 2) * 1e-3})
+    with pytest.raises(Exception):  # noqa: B017
+        for k in range(10_000):
+            fmu.step(k * 1e-3, 1e-3)
+    assert "take a longer step or a shorter delay" in fmu.messages[-1]

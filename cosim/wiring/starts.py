@@ -39,7 +39,27 @@ def starts_of(
                 values[variable.name] = number
     if "seed" in description.variables and "seed" not in values:
         values["seed"] = scenario.experiment.seed + list(scenario.components).index(name)
+    if description.model == "VariableDelayChannel":
+        problems += _outgrown(scenario, name, description, values)
     return values
+
+
+_BUFFER = 8190
+"""Steps of delay that the buffer of fmu_src/VariableDelayChannel holds, whatever its semantics (see its README: Memory)."""
+
+
+def _outgrown(scenario: Scenario, name: str, description: Description, values: Mapping[str, float | str]) -> list[Problem]:
+    """The problem of a channel whose delay is known beforehand and outgrows its buffer in the time of the run."""
+    law, mean, most = (values.get(key, description.variables[key].start) for key in ("law", "delay_mean", "delay_max"))
+    law = description.variables["law"].items[int(law) - 1]
+    key, delay = ("delay_mean", mean) if law == "constant" else ("delay_max", most)
+    experiment = scenario.experiment
+    step = scenario.components[name].step_multiple * experiment.step
+    if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):
+        return []
+    fits = f"at most {_BUFFER * step:g} s, {_BUFFER} steps of {step:g} s that the channel's buffer holds"
+    advice = f"take steps of {delay / _BUFFER:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
+    return [Problem(f"{scenario.name}: {name}.{key}", fits, f"{delay:g} s", advice)]
 
 
 def _start(variable: Variable, value: object, where: str, problems: list[Problem]) -> float | str | None:

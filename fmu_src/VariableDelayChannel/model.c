@@ -101,8 +101,9 @@ static double stamp_of(const Model *m, const Ring *r, double t, double delay) {
 
 static const char *too_long(Model *m, double delay, double t, double step) {
     snprintf((char *)m->text, sizeof m->text,
-             "delay of %g s at t = %g s does not fit the buffer of %d samples: %g s at the step of %g s", delay, t,
-             CAPACITY, CAPACITY * step, step);
+             "delay of %g s at t = %g s does not fit the buffer of %d samples: %g s at the step of %g s; "
+             "take a longer step or a shorter delay",
+             delay, t, CAPACITY, CAPACITY * step, step);
     return (const char *)m->text;
 }
 

@@ -60,6 +60,7 @@ def test_show_prints_units_ages_and_order(tmp_path):
         line for line in done.stdout.splitlines() if line.strip().startswith(("local to remote", "remote to local"))
     ]
     assert len(lines) == 2 and all("+0.5 ms" in line for line in lines)
+    assert "uniform random knots" in done.stdout  # the scenario's own description
     assert list(tmp_path.iterdir()) == []
     jacobi = cosim(
         "show", "sallam-stable", "--set", "experiment.extrapolation=hold", "--set", "experiment.algorithm=jacobi"
@@ -165,6 +166,14 @@ def test_bad_input_is_one_message(words, message, tmp_path):
 def test_debug_shows_where():
     done = cosim("--debug", "run", "nothing")
     assert done.returncode not in (0, 2) and "Traceback" in done.stderr
+
+
+def test_components_without_connections_get_a_warning(tmp_path):
+    path = tmp_path / "apart.toml"
+    path.write_text('[experiment]\nstop = 0.1\n[components.a]\nmodel = "PhantomArm"\n[components.b]\nmodel = "PhantomArm"\n')
+    done = cosim("run", path, "--out", tmp_path / "o", "--no-report")
+    assert done.returncode == 0 and "warning: no connections: the components do not act on each other" in done.stderr
+    assert any("no connections" in note for note in json.loads((tmp_path / "o" / "summary.json").read_text())["notes"])
 
 
 FAILING = """

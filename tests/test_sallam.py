@@ -122,6 +122,19 @@ def test_stable_decays_and_tracks():
     assert np.linalg.norm(judged.result.vector("arm_l.x")[-1] - judged.result.vector("arm_r.x")[-1]) < 0.5e-3
 
 
+@pytest.mark.parametrize(("name", "times"), [("nodelay", (8.6, 15.4)), ("stable", None), ("unstable", None)])
+def test_the_scenario_says_where_it_leaves_the_range_of_the_linkage(name, times):
+    scenario = load_scenario(f"sallam-{name}")
+    result = run(scenario, record=["arm_l.q", "arm_r.q"])
+    spread = np.max([result.vector(f"{arm}.q") @ (0, -1, 1) for arm in ("arm_l", "arm_r")], axis=0)
+    beyond = result.time[np.degrees(spread) > 55]
+    if times is None:
+        assert not len(beyond) and "within the linkage's range" in " ".join(scenario.description.split())
+    else:
+        assert (beyond[0], beyond[-1]) == pytest.approx(times, abs=0.05)
+        assert "from {} to {} s; workspace_limits is off".format(*times) in scenario.description
+
+
 def test_both_fmi_versions_and_both_executors_give_the_same_bits(base, system):
     made = with_parameters(base, {"experiment.stop": 2.0, "channel_*.delay_mean": 0.123})
     reference = run(made, system, executor=execute)

@@ -61,6 +61,13 @@ def test_unwired_inputs_are_reported():
     assert FakeSystem(made, MODELS).wiring(made).notes == ("mass: f not wired, stays at the start value",)
 
 
+def test_components_without_connections_are_a_warning():
+    (warning,) = FakeSystem(made := scenario({"mass": "Mass", "spring": "Spring"}, []), MODELS).wiring(made).warnings
+    assert warning.startswith("no connections: the components do not act on each other")
+    for quiet in (scenario({"mass": "Mass"}, []), oscillator()):
+        assert FakeSystem(quiet, MODELS).wiring(quiet).warnings == ()
+
+
 def through(dependencies):
     gain = description("Gain", variable("u", "input"), variable("y", "output", feedthrough=dependencies))
     return {"Gain": (gain, lambda n, d: FakeSlave(n, d, outputs=lambda v, t: v.update(y=0.5 * v["u"])))}

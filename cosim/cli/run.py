@@ -69,6 +69,8 @@ def prepare(name: str, overrides: list[str], effects: Path | None):
     if problems or wiring is None:
         known = {(p.expected, p.got) for p in problems}
         raise InputError([*problems, *(p for p in found if (p.expected, p.got) not in known)])
+    for warning in wiring.warnings:
+        _say(f"warning: {warning}")
     return wiring
 
 

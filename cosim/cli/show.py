@@ -23,6 +23,7 @@ def _lines(wiring) -> list[str]:
     """The wiring as lines of text."""
     scenario, experiment = wiring.scenario, wiring.scenario.experiment
     lines = [f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name]
+    lines += scenario.description.splitlines()
     lines += ["", f"algorithm   {experiment.algorithm.value}, {experiment.extrapolation.value} inputs"]
     lines += [f"steps       {experiment.steps} of {experiment.step * 1e3:g} ms, {experiment.stop:g} s, every "
               f"{_nth(experiment.record_every)} recorded"]  # fmt: skip

@@ -104,7 +104,7 @@ class Teleoperation:
 @frozen
 class Scenario:
     """A co-simulation, described. `folder` is where relative file names start; `effects` what was applied, for the
-    reader.
+    reader; `warnings` what its reader is told whenever it is used.
     """
 
     name: str
@@ -116,6 +116,7 @@ class Scenario:
     teleoperation: Teleoperation = Teleoperation()
     folder: Path = field(default=Path("."), eq=False)
     effects: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def arms(self) -> tuple[str, str] | None:

@@ -68,5 +68,13 @@ def check(scenario: Scenario, descriptions: Mapping[str, Description]) -> tuple[
     if problems:
         return None, problems
     order = scenario.experiment.order or stepping_order(scenario, descriptions, links)
-    wiring = Wiring(scenario, descriptions, tuple(order), tuple(links), starts, notes=tuple(notes))
+    warnings = (*scenario.warnings, *_apart(scenario))
+    wiring = Wiring(scenario, descriptions, tuple(order), tuple(links), starts, notes=(*warnings, *notes), warnings=warnings)
     return timed(wiring), []
+
+
+def _apart(scenario: Scenario) -> list[str]:
+    """A warning where several components have no connection at all."""
+    if scenario.connections or len(scenario.components) < 2:
+        return []
+    return ["no connections: the components do not act on each other; wire them with connections = [\"a.output -> b.input\"]"]

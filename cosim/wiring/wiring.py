@@ -48,7 +48,7 @@ class Wiring:
 
     order: components in the order of stepping; links: scalar connections; starts: value of every FMU parameter that the
     scenario sets; lr, rl: paths from the local to the remote arm and back; loops_l, loops_r: local paths of either arm;
-    notes: what the user should know.
+    notes: what the user should know; warnings: those of them that are said before anything else.
     """
 
     scenario: Scenario
@@ -62,6 +62,7 @@ class Wiring:
     loops_l: tuple[Path, ...] = ()
     loops_r: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     schedule: Schedule = field(default=None, repr=False)
 
     @property

@@ -1,8 +1,8 @@
 """An SSP 1.0 archive as the table of a scenario, so that `cosim run SYSTEM.ssp` simulates what another tool wired.
 
 Read: components that are FMUs, connections between them, parameter values of component and system that stand inline or in
-.ssv files of the archive, stop time, and the communication step of the Open Simulation Platform's annotation. Refused, by
-name: nested systems, parameter mappings, linear transformations, connections of the system's own connectors.
+.ssv files of the archive, stop time, the communication step of the Open Simulation Platform's annotation, and the master's
+algorithm of our own; what an archive does not say of these is a warning. Refused, by name: nested systems, parameter mappings, linear transformations, connections of the system's own connectors.
 """
 
 import hashlib
@@ -17,6 +17,11 @@ _SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
 _SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
 _OSP = "{http://opensimulationplatform.com/SSP/OSPAnnotations}"
 _DEFAULT_STEP = 1e-3
+
+VENDOR = "io.github.haptic-cosim"
+"""Type of the annotation that names the master's algorithm."""
+MASTER = "https://haptic-cosim.github.io/ssp/master"
+"""Namespace of that annotation: Algorithm (name, extrapolation) with a Component (name, stepMultiple) each, in the order of stepping."""
 
 
 def read_ssp(path: Path, folder: Path) -> dict:
@@ -41,8 +46,10 @@ def read_ssp(path: Path, folder: Path) -> dict:
         f"{c.get('startElement')}.{c.get('startConnector')} -> {c.get('endElement')}.{c.get('endConnector')}"
         for c in _forward(system)
     ]
-    return {"name": path.stem, "title": root.get("name") or path.stem, "experiment": _experiment(root),
-            "components": components, "connections": connections}  # fmt: skip
+    warnings: list[str] = []
+    experiment = {"stop": _stop(root), "step": _step(root, path, warnings)} | _master(root, path, components, warnings)
+    return {"name": path.stem, "title": root.get("name") or path.stem, "experiment": experiment, "components": components,
+            "connections": connections, "warnings": warnings}  # fmt: skip
 
 
 def _unpack(path: Path, folder: Path) -> Path:
@@ -117,9 +124,28 @@ def _value(element) -> object:
     return {"Real": float, "Integer": int}.get(kind, str)(text)
 
 
-def _experiment(root) -> dict:
+def _stop(root) -> float:
     default = root.find(f"{_SSD}DefaultExperiment")
+    return float(default.get("stopTime", 10.0)) if default is not None else 10.0
+
+
+def _step(root, path: Path, warnings: list[str]) -> float:
     algorithm = next(root.iter(f"{_OSP}FixedStepAlgorithm"), None)
-    stop = float(default.get("stopTime", 10.0)) if default is not None else 10.0
-    step = float(algorithm.get("baseStepSize")) if algorithm is not None else _DEFAULT_STEP
-    return {"stop": stop, "step": step, "algorithm": "jacobi", "extrapolation": "hold"}
+    if algorithm is None:
+        warnings.append(f"{path.name} names no communication step: {_DEFAULT_STEP} s is taken; --set experiment.step changes it")
+        return _DEFAULT_STEP
+    return float(algorithm.get("baseStepSize"))
+
+
+def _master(root, path: Path, components: dict, warnings: list[str]) -> dict:
+    """Algorithm, extrapolation and order of the experiment; step multiples go to the components."""
+    found = root.find(f".//{{{MASTER}}}Algorithm")
+    if found is None:
+        warnings.append(f"{path.name} names no master algorithm: jacobi with held inputs, as other SSP tools step it; "
+                        "--set experiment.algorithm and experiment.extrapolation change it")  # fmt: skip
+        return {"algorithm": "jacobi", "extrapolation": "hold"}
+    order = [component.get("name") for component in found]
+    for component in found:
+        if component.get("name") in components:
+            components[component.get("name")]["step_multiple"] = int(component.get("stepMultiple", 1))
+    return {"algorithm": found.get("name"), "extrapolation": found.get("extrapolation"), "order": order}

@@ -17,7 +17,7 @@ from cosim.export.container import write_container
 from cosim.export.export import export
 from cosim.export.structure import write_ssp
 from cosim.master import run
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario, load_text, to_toml, with_parameters
 
 STEP, STOP = 1e-3, 20.0
 WATCHED = [f"arm_{side}.q[{i}]" for side in "lr" for i in (1, 2, 3)]
@@ -112,6 +112,27 @@ def test_our_own_archive_comes_back_with_the_same_bits(archive, ours):
     again = run(load_scenario(str(archive), [f"experiment.stop={STOP}"]), record=WATCHED)
     for name in WATCHED:
         assert np.array_equal(again.signals[name], ours.signals[name])
+
+
+def test_the_algorithm_comes_back_with_the_same_bits(tmp_path):
+    """Gauss-Seidel along lines, a controller at every second step: the archive's annotation carries what SSP has no place for."""
+    scenario = prepare(SCENARIO, ["experiment.stop=1", "controller_*.step_multiple=2", "experiment.record_every=1"], None)
+    archive = write_ssp(scenario, tmp_path / "lines.ssp")
+    schema = etree.XMLSchema(etree.parse(str(Path(fmpy.__file__).parent / "ssp/schema/SystemStructureDescription.xsd")))
+    assert schema.validate(etree.fromstring(zipfile.ZipFile(archive).read("SystemStructure.ssd"))), schema.error_log
+    loaded = load_scenario(archive)
+    assert loaded.experiment.order == scenario.order and loaded.warnings == () and load_text(to_toml(loaded)) == loaded
+    ours, again = run(scenario.scenario, record=WATCHED), run(loaded, record=WATCHED)
+    assert all(np.array_equal(ours.signals[name], again.signals[name]) for name in WATCHED)
+
+
+def test_an_archive_that_names_no_algorithm_is_a_warning(archive, tmp_path, capsys):
+    other = edited(archive, tmp_path / "other.ssp", ("haptic-cosim.github.io", "example.org"), ("FixedStepAlgorithm", "Other"))
+    wiring = prepare(str(other), [], None)
+    said = capsys.readouterr().err
+    assert "warning: other.ssp names no master algorithm: jacobi with held inputs" in said
+    assert "warning: other.ssp names no communication step: 0.001 s" in said
+    assert set(wiring.warnings) <= set(wiring.notes) and load_text(to_toml(wiring.scenario)).warnings == wiring.warnings
 
 
 def test_a_foreign_fmu_takes_the_place_of_our_controller(wiring, ours, archive, tmp_path):

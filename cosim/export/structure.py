@@ -3,7 +3,8 @@
 Parameter values stand at their component, because some tools drop those of the system, and are compiled into the
 component's own FMU too, because some (libcosim) know no enumerations; so are the values that its inputs have at the
 start, because some carry them over in one pass only. The structure has no place for the master's
-algorithm; an annotation of the Open Simulation Platform names the communication step.
+algorithm: an annotation of the Open Simulation Platform names the communication step, one of ours algorithm, extrapolation
+and the order of the components, which `cosim.ssp` reads.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,7 @@ from cosim.fmu import describe, fmu_file
 from cosim.master import run
 from cosim.scenario import with_parameters
 from cosim.signals import Description, Unit, Variable
+from cosim.ssp import MASTER, VENDOR
 from cosim.wiring import Wiring
 
 _NAMESPACES = {
@@ -22,6 +24,7 @@ _NAMESPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "master": MASTER,
 }
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _COLUMN, _ROW = 60.0, 40.0  # size of a block in a diagram
@@ -61,7 +64,8 @@ def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: 
 
 def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
     """The values of each component's wired inputs at t = 0."""
-    first = run(with_parameters(wiring.scenario, {"experiment.stop": wiring.scenario.experiment.step}))
+    period = len(wiring.schedule.phases) * wiring.scenario.experiment.step  # s: whole steps of every component
+    first = run(with_parameters(wiring.scenario, {"experiment.stop": period}))
     values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}
     for link in wiring.links:
         values[link.target.component][link.target.variable] = float(first.signals[str(link.source)][0])
@@ -163,3 +167,7 @@ def _experiment(root, wiring: Wiring) -> None:
     annotations = _element("ssd:Annotations", default)
     annotation = _element("ssc:Annotation", annotations, type="com.opensimulationplatform")
     _element("osp:FixedStepAlgorithm", _element("osp:Algorithm", annotation), baseStepSize=repr(experiment.step))
+    master = _element("master:Algorithm", _element("ssc:Annotation", annotations, type=VENDOR),
+                      name=experiment.algorithm.value, extrapolation=experiment.extrapolation.value)  # fmt: skip
+    for name in wiring.order:
+        _element("master:Component", master, name=name, stepMultiple=wiring.scenario.components[name].step_multiple)

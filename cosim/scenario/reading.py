@@ -40,7 +40,7 @@ def read_toml(path: Path) -> dict:
         raise InputError(Problem(str(path), "TOML", str(error))) from None
 
 
-_TOP = {"format", "name", "title", "description", "experiment", "components", "connections", "teleoperation"}
+_TOP = {"format", "name", "title", "description", "experiment", "components", "connections", "teleoperation", "warnings"}
 
 
 def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
@@ -72,6 +72,7 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
         connections,
         teleoperation=teleoperation or Teleoperation(),
         folder=path.parent,
+        warnings=tuple(map(str, table.get("warnings", ()))),
         **text,
     )
 

@@ -12,6 +12,7 @@ def to_toml(scenario: Scenario) -> str:
     """The scenario as the text of a TOML file that loads to the same scenario."""
     lines = [f"format = {FORMAT}", f"name = {_value(scenario.name)}"]
     lines += [f"{key} = {_value(text)}" for key in ("title", "description") if (text := getattr(scenario, key))]
+    lines += [f"warnings = {_value(scenario.warnings)}"] if scenario.warnings else []
     lines += ["connections = ["] + [f"    {_value(str(c))}," for c in scenario.connections] + ["]"]
     lines += ["", "[experiment]"] + _entries(scenario.experiment)
     lines += ["", "[teleoperation]"] + _entries(scenario.teleoperation)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
-from cosim.closure.model import Choice, Model, filtered
+from cosim.closure.model import Choice, Model, delivered_target, filtered
 from cosim.effects import Effect, Estimate
 
 CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
@@ -49,7 +49,7 @@ def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, 
         return Candidate(nothing.choice, 0.0, nothing.beta, 0, reason, True)
     options = []
     for theta, columns in _all_columns(model, effect, joints):
-        result = normal.gain(columns)
+        result = normal.gain_of(Choice(effect, joints, theta), columns)
         if result is not None:
             options.append((result[0], theta, result[1]))
     if not options:
@@ -81,7 +81,7 @@ def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) 
         for index in effect.continuous(best):
             for sign in (1, -1):
                 trial = effect.moved(best, index, sign * step)
-                found = normal.gain(filtered(model.setting, effect, effect.columns(model.scene, joints, trial)))
+                found = normal.gain_of(Choice(effect, joints, trial), columns_of(model, effect, joints, trial))
                 tried += 1
                 if found is not None and found[0] > gain:
                     best, (gain, beta) = trial, found
@@ -96,11 +96,18 @@ def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
         return model._cache[key]
     out = []
     thetas = effect.grid(model.scene, joints)
+    if effect.late:
+        return [(theta, {}) for theta in thetas]
     for start in range(0, len(thetas), CHUNK):
         out += _chunk(model, effect, joints, thetas[start : start + CHUNK])
     if not effect.dynamic:
         model._cache[key] = out
     return out
+
+
+def columns_of(model: Model, effect: Effect, joints: tuple[int, ...], theta) -> dict[int, np.ndarray]:
+    """Filtered columns for the screening of one theta; none for an effect that acts on the recorded torque instead."""
+    return {} if effect.late else filtered(model.setting, effect, effect.columns(model.scene, joints, theta))
 
 
 def _chunk(model: Model, effect: Effect, joints: tuple[int, ...], thetas):
@@ -133,6 +140,22 @@ class Normal:
     def error(self, joints: tuple[int, ...]) -> float:
         """Squared error of the joints' fitted rows."""
         return max(sum(float(self.residual[j] @ self.residual[j]) for j in joints), 1e-300)
+
+    def gain_of(self, choice: Choice, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:
+        """Decrease of the squared error by a choice and its coefficients, screened by its columns or by the torque that it delivers."""
+        return self.gain_of_late(choice) if choice.effect.late else self.gain(columns)
+
+    def gain_of_late(self, choice: Choice) -> tuple[float, np.ndarray]:
+        """As `gain`, for an effect that acts on the recorded torque; the error is held against the torque that is left."""
+        model, cross, left, before = self.model, 0.0, 0.0, 0.0
+        target = delivered_target(model, choice)
+        for j in range(model.setting.joints):
+            old = model.target[j, self.train] * model.scale[j, self.train, 0]
+            new = target[j, self.train] * model.scale[j, self.train, 0]
+            if j in choice.joints:
+                new *= np.sqrt(max(old @ old, 1e-300) / max(new @ new, 1e-300))
+            cross, left, before = cross + self.x[j].T @ new, left + new @ new, before + self.residual[j] @ self.residual[j]
+        return float(before - (left - cross @ self.inverse @ cross)), np.zeros(1)
 
     def gain(self, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:
         """Decrease of the squared error by the columns and their coefficients; None where they lie within the model."""

@@ -52,19 +52,20 @@ def weigh(model: Model, candidate: Candidate, trials: int, passes: int = 1) -> E
     fitted = (before[0] - after[0])[:, joints].sum(axis=1)
     held = (before[1] - after[1])[:, joints].sum(axis=1)
     std = np.sqrt(np.maximum(np.diag(cov), 0))
+    amount = candidate.choice.effect.amount(beta, candidate.choice.theta)
     estimate = Estimate(beta, std, candidate.choice.theta, candidate.choice.joints, _beside(model, new))
     return Evidence(
-        candidate, new, beta, estimate.std, min(_p_value(beta, cov, len(fitted)) * trials, 1.0),
+        candidate, new, beta, estimate.std, min(_p_value(amount, cov, len(fitted)) * trials, 1.0),
         fitted.sum() / max(before[0][:, joints].sum(), 1e-300), held.sum() / max(before[1][:, joints].sum(), 1e-300),
         _t(fitted), _t(held), _size(model, new, joints), candidate.reason or candidate.choice.effect.unphysical(estimate),
     )  # fmt: skip
 
 
 def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Squared errors of blocks as `Model.joint_error`, scaled up where an effect takes its columns from the measured torque.
+    """Squared errors of blocks as `Model.joint_error`, scaled up where an effect acts on the measured torque.
 
-    Such an effect (saturation, dead band) removes a part of what is to be explained, whether or not the model explains it. The
-    error is therefore held against what is left to explain: times sum y^2 / sum (y - columns beta)^2 of each joint's fitted rows.
+    Such an effect (saturation, dead band, lag) removes a part of what is to be explained, whether or not the model explains it. The
+    error is therefore held against what is left to explain: times sum y^2 / sum (what is left of y)^2 of each joint's fitted rows.
     """
     fitted, held = model.joint_error()
     taken = np.zeros_like(model.target)
@@ -73,7 +74,7 @@ def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:
             for j, values in columns.items():
                 taken[j] += values @ model.fit.beta[model.coefficients(number)]
     use = model.setting.use & ~model.setting.rows.test
-    whole, left = (np.where(use, y**2, 0).sum(axis=1) for y in (model.target, model.target - taken))
+    whole, left = (np.where(use, y**2, 0).sum(axis=1) for y in (model.setting.y, model.target - taken))
     share = np.maximum(whole, 1e-300) / np.maximum(left, 1e-3 * np.maximum(whole, 1e-300))
     return fitted * share, held * share
 

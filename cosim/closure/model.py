@@ -62,8 +62,8 @@ class Model:
 
     @cached_property
     def target(self) -> np.ndarray:
-        """y (J, m) with the sampling skew taken out."""
-        return self.setting.y - self.skew * self.setting.slope
+        """(J, m) what the columns have to make: the torque as chosen lags and delays deliver it, with the sampling skew taken out."""
+        return _target(self, self.choices)
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -151,6 +151,24 @@ class Model:
         """Squared error (T, J) of fitted blocks left out in turn and (H, J) of held-out blocks, weighted."""
         t = self.setting.rows.train_blocks
         return self.fit.sse[:t], self.fit.sse[t:]
+
+
+def delivered_target(model: Model, choice: Choice) -> np.ndarray:
+    """The model's target (J, m) with one more effect that acts on the recorded torque."""
+    return _target(model, (*model.choices, choice))
+
+
+def _target(model: Model, choices: tuple[Choice, ...]) -> np.ndarray:
+    late, setting, y, slope = [c for c in choices if c.effect.late], model.setting, model.setting.y, model.setting.slope
+    if late:
+        key = ("delivered", *((c.key, c.theta) for c in late))
+        if key not in model._cache:
+            tau = setting.motion.tau.copy()
+            for c in late:
+                tau[:, c.joints] = c.effect.delivered(setting.motion, tau[:, c.joints], c.theta)
+            model._cache[key] = setting.targets(tau)
+        y, slope = model._cache[key]
+    return y - model.skew * slope
 
 
 def spread(columns: dict[int, np.ndarray], setting: Setting) -> np.ndarray:

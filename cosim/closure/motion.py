@@ -68,14 +68,10 @@ class Motion:
         return self.per_run(lambda part: np.gradient(part, self.step, axis=0), x)
 
     def advanced(self, x: np.ndarray, seconds: float) -> np.ndarray:
-        """x(t + seconds) within each run, linear between samples; the ends are held."""
-        def shift(part: np.ndarray) -> np.ndarray:
-            place = np.clip(np.arange(len(part)) + seconds / self.step, 0, len(part) - 1)
-            low = np.floor(place).astype(int)
-            high, share = np.minimum(low + 1, len(part) - 1), (place - low)[(...,) + (None,) * (part.ndim - 1)]
-            return part[low] * (1 - share) + part[high] * share
+        """x(t + seconds) (n, k) within each run, cubic between samples; the ends are held."""
+        from scipy.ndimage import shift
 
-        return self.per_run(shift, x)
+        return self.per_run(lambda part: shift(part, (-seconds / self.step, 0), mode="nearest"), x)
 
 
 def prepare(recording: Recording, widths: Widths | None = None) -> Motion:

@@ -44,6 +44,12 @@ class Setting:
         given = len(self.names) - ("inertia" in self.names) if self.device == "regressor" else 0
         return given if self.rows.train_blocks < 10 * given else 0
 
+    def targets(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Filtered torque tau (n, J) less what is known of it, and its slope, both (J, m)."""
+        rows = self.rows
+        known = rows.filtered(self.known, self.device == "regressor")
+        return (rows.filtered(tau, False) - known).T, rows.filtered(self.motion.rate(tau), False).T
+
     def sign(self, joint: int, law: Law) -> np.ndarray:
         """K F of the joint's smooth sign (m,)."""
         return self.rows.filtered(law(self.motion.dq[:, [joint]]), sharp=True)[:, 0]

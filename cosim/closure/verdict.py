@@ -211,7 +211,7 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
     """FMU parameters of an effect and their 95 % intervals: jackknife by blocks, nonlinear parameters linearised beside the others."""
     choice, part = model.choices[number], model.coefficients(number)
     beta, cov, theta_std = model.fit.beta[part], model.fit.cov[part, part], np.zeros(len(choice.theta))
-    free = choice.effect.continuous(choice.theta)
+    free = () if choice.effect.late else choice.effect.continuous(choice.theta)  # a late effect's coefficient carries what theta lacks
     if free or choice.effect.sharp:
         beta_cov = _with_tangents(model, number, free)
         k = len(beta)

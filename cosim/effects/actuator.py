@@ -3,6 +3,9 @@
 The recorded torque is the command u; the delivered torque is A(u). With the model's own prediction p of the delivered torque the
 command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the prediction where they can
 be, so that noise of the torque does not stand on both sides.
+
+Lag and delay are found by passing the recorded torque on through them, which is exact at any size; what is left of the parameter is the
+coefficient of one column, the slope of the prediction.
 """
 
 import numpy as np
@@ -15,52 +18,15 @@ SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampl
 USUAL = 0.4  # share of commands beyond a limit, above which it is no limit but the usual torque
 
 
-class ActuatorLag(Effect):
-    """First-order lag of the torque."""
+class Late(Effect):
+    """The torque comes later than its command, by theta (s) and the coefficient of its slope."""
 
-    name = "actuator_lag"
     actuator = True
-    title = "actuator lag"
-    equation = "T d(tau)/dt = u - tau, so u = p + T dp/dt"
-    source = "electrical time constant of motor and amplifier"
     unit = "s"
     sharp = False
     dynamic = True
+    late = True
     slack = 1.0
-    aliases = (Alias("time_delay", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
-    needs = "fast excitation"
-
-    def joint_sets(self, scene: Scene):
-        singles = super().joint_sets(scene)
-        return (*singles, tuple(range(scene.joints))) if scene.joints > 1 else singles
-
-    def columns(self, scene, joints, theta):
-        rate = scene.motion.rate(scene.prediction)
-        return {j: rate[:, [j]] for j in joints}
-
-    def labels(self, joints, theta):
-        return ("actuator_lag",)
-
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
-        return _on_each("actuator_lag", estimate)
-
-    def unphysical(self, estimate: Estimate) -> str:
-        return _too_short(estimate.beta[0], estimate.std[0], estimate.scene)
-
-
-class TimeDelay(Effect):
-    """A pure delay of the torque."""
-
-    name = "time_delay"
-    actuator = True
-    title = "time delay of the torque"
-    equation = "tau(t) = u(t - d), so u(t) = p(t + d)"
-    source = "bus, sampling and computing time"
-    unit = "s"
-    sharp = False
-    dynamic = True
-    slack = 1.0
-    aliases = (Alias("actuator_lag", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
     needs = "fast excitation"
 
     def joint_sets(self, scene: Scene):
@@ -69,39 +35,60 @@ class TimeDelay(Effect):
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         step = scene.motion.sample
-        return tuple((float(d),) for d in np.geomspace(2 * step, max(60 * step, 0.06), 8))
+        return tuple((float(d),) for d in np.geomspace(2 * step, max(60 * step, 0.06), 10))
 
     def continuous(self, theta):
         return (0,)
 
     def columns(self, scene, joints, theta):
-        change = (scene.motion.advanced(scene.prediction, theta[0]) - scene.prediction) / theta[0]
-        return {j: change[:, [j]] for j in joints}
+        rate = scene.motion.rate(scene.prediction)
+        return {j: rate[:, [j]] for j in joints}
 
     def labels(self, joints, theta):
-        return ("time_delay",)
+        return (self.name,)
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
-        return _on_each("time_delay", estimate)
+        """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled torque included."""
+        value = float(self.amount(estimate.beta, estimate.theta)[0]) + estimate.scene.skew
+        return {per_joint(self.name, (j,)): value for j in estimate.joints}
 
     def unphysical(self, estimate: Estimate) -> str:
-        if reason := _too_short(estimate.beta[0], estimate.std[0], estimate.scene):
-            return reason
-        ratio = estimate.beta[0] / estimate.theta[0]
-        return "" if 1 / 3 < ratio < 3 else "the slope and the shift of the delay disagree"
+        value, least = float(self.amount(estimate.beta, estimate.theta)[0]), SAMPLES_OF_A_RECORDING * estimate.scene.motion.sample
+        if value < 0:
+            return "negative: the torque would come before its command"
+        if value - 2 * estimate.std[0] < least:
+            return f"{1e3 * value:.2g} ms is within the {SAMPLES_OF_A_RECORDING} samples that recording itself may cost"
+        return "" if 1 / 3 < value / estimate.theta[0] < 3 else "the slope and the shift of the torque disagree"
 
 
-def _on_each(name: str, estimate: Estimate) -> dict[str, float]:
-    """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled torque included."""
-    return {per_joint(name, (j,)): float(estimate.beta[0]) + estimate.scene.skew for j in estimate.joints}
+class ActuatorLag(Late):
+    """First-order lag of the torque."""
+
+    name = "actuator_lag"
+    title = "actuator lag"
+    equation = "T d(tau)/dt = u - tau"
+    source = "electrical time constant of motor and amplifier"
+    aliases = (Alias("time_delay", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+
+    def delivered(self, motion, torque, theta):
+        from scipy.signal import bilinear, lfilter, lfilter_zi
+
+        b, a = bilinear([1.0], [theta[0], 1.0], 1 / motion.step)
+        start = lfilter_zi(b, a)[:, None]
+        return motion.per_run(lambda part: lfilter(b, a, part, axis=0, zi=start * part[0])[0], torque)
 
 
-def _too_short(value: float, std: float, scene: Scene) -> str:
-    if value < 0:
-        return "negative: the torque would come before its command"
-    if value - 2 * std < SAMPLES_OF_A_RECORDING * scene.motion.sample:
-        return f"{1e3 * value:.2g} ms is within the {SAMPLES_OF_A_RECORDING} samples that recording itself may cost"
-    return ""
+class TimeDelay(Late):
+    """A pure delay of the torque."""
+
+    name = "time_delay"
+    title = "time delay of the torque"
+    equation = "tau(t) = u(t - d)"
+    source = "bus, sampling and computing time"
+    aliases = (Alias("actuator_lag", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+
+    def delivered(self, motion, torque, theta):
+        return motion.advanced(torque, -theta[0])
 
 
 class TorqueGain(Effect):

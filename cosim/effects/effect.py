@@ -85,6 +85,7 @@ class Effect(ABC):
     sharp: bool = True  # columns jump with the motion and need the filter K as well
     dynamic: bool = False  # columns are formed from the model's own prediction and change with it
     measured: bool = False  # columns are formed from the measured torque: they explain a part of it by themselves
+    late: bool = False  # passes the recorded torque on: theta acts on that torque, the one coefficient is what theta lacks
     of_time: bool = False  # a function of time: held-out rows lie beyond the fitted times and only may not contradict
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
     form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
@@ -130,6 +131,14 @@ class Effect(ABC):
         """FMU parameters of an estimate."""
         labels = self.labels(estimate.joints, estimate.theta) + self.theta_labels(estimate.joints)
         return dict(zip(labels, (*map(float, estimate.beta), *estimate.theta), strict=False))
+
+    def delivered(self, motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
+        """The torque (n, k) that comes of a recorded one, for effects that are `late`."""
+        return torque
+
+    def amount(self, beta: np.ndarray, theta: Theta) -> np.ndarray:
+        """What has to differ from zero for the effect to be there (k,)."""
+        return beta + np.array(theta) if self.late else beta
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         """Why this data cannot show the effect; empty where it can."""

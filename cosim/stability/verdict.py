@@ -5,12 +5,13 @@ two results.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from attrs import frozen
 
 from cosim.outcome import Outcome
+from cosim.rows import stacked
 from cosim.stability.growth import Growth, growth, usable
 
 _STATE = re.compile(r"^(?P<arm>[^.]+)\.(?P<kind>d?q)(\[(?P<joint>\d)\])?$")
@@ -58,21 +59,22 @@ def judge(result, twin) -> Verdict:
     small), saturated moments.
     """
     count = min(len(result.time), len(twin.time))
-    time = np.asarray(result.time[:count], float)
-    rates = _matrix(result.signals, "dq", count)
-    difference = _matrix(twin.signals, "dq", count) - rates
-    size = np.max(np.abs(_matrix(result.signals, "q", count)), initial=0.0) + np.max(np.abs(rates), initial=0.0)
+    time, motion = np.asarray(result.time, float), _matrix(result.signals, ("dq", "q"))
+    channels = len(_names(result.signals, "dq"))
+    rates, angles = motion[:, :channels], motion[:count, channels:]
+    difference = _matrix(twin.signals, ("dq",))[:count] - rates[:count]
+    size = np.max(np.abs(angles), initial=0.0) + np.max(np.abs(rates[:count]), initial=0.0)
     count = _unsaturated(result.signals, twin.signals, count)
-    norm = np.linalg.norm(difference[:count], axis=1)
+    norm = np.sqrt(np.einsum("ij,ij->i", difference[:count], difference[:count]))
     part = usable(np.where(np.isfinite(norm), norm, np.inf), _ROUND_OFF * max(size, 1e-3), _CEILING)
-    found = growth(time[part], difference[part])
-    return _verdict(result, found)
+    found = growth(time[:count][part], difference[part])
+    return _verdict(result, rates, found)
 
 
-def _verdict(result, found: Growth | None) -> Verdict:
+def _verdict(result, rates: np.ndarray, found: Growth | None) -> Verdict:
     if found is None:
         return Verdict(_ended(result) or Outcome.INCONCLUSIVE, np.nan, (np.nan, np.nan))
-    outcome = _ended(result) or outcome_of(found, result)
+    outcome = _ended(result) or outcome_of(found, result, rates)
     return Verdict(outcome, found.rate, (found.low, found.high), found.window, found.estimator, found.frequency)
 
 
@@ -81,12 +83,12 @@ def _ended(result) -> Outcome | None:
     return result.outcome if result.outcome in _ENDED else None
 
 
-def outcome_of(found: Growth, result) -> Outcome:
-    """Sign of the growth rate, if its interval leaves zero; else what the motion itself shows."""
-    if found.low > 0.0:
-        return Outcome.LIMIT_CYCLE if self_sustained(result) else Outcome.GROWING
-    if self_sustained(result):
+def outcome_of(found: Growth, result, rates: np.ndarray) -> Outcome:
+    """Sign of the growth rate, if its interval leaves zero; else what the motion itself shows. rates: all dq (n, channels)."""
+    if self_sustained(result, rates):
         return Outcome.LIMIT_CYCLE
+    if found.low > 0.0:
+        return Outcome.GROWING
     if found.high < 0.0:
         return Outcome.CONVERGED
     # The interval holds zero: it says "neutral" only if it excludes a change by 20 % within the window.
@@ -94,22 +96,22 @@ def outcome_of(found: Growth, result) -> Outcome:
     return Outcome.BOUNDED if narrow else Outcome.INCONCLUSIVE
 
 
-def self_sustained(result) -> bool:
+def self_sustained(result, rates: np.ndarray) -> bool:
     """True where the motion has settled on an oscillation of its own: a limit cycle.
 
     In the last third of the run the operator's force is constant, the RMS of the joint rates stays the same within 3
     % from each ninth of the run to the next, above a thousandth of its maximum, and it had grown to there (by 10 %)
     before. A linear loop near its boundary keeps the size it was given, or goes on growing.
     """
-    count = len(result.time)
-    rates = _matrix(result.signals, "dq", count)
-    late = slice(2 * count // 3, count)
-    if count < 90 or rates.size == 0 or _forced(result.signals, late):
+    count = len(rates)
+    if count < 90 or rates.size == 0:
         return False
-    levels = np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(rates, 9)])
+    squares = np.einsum("ij,ij->i", rates, rates) / rates.shape[1]
+    levels = np.sqrt([part.mean() for part in np.array_split(squares, 9)])
     peak, settled = np.max(np.abs(rates)), levels[6:].mean()
     steady = levels[6:].min() > 1e-3 * peak and peak > 1e-4 and np.ptp(levels[6:]) < 0.03 * settled
-    return bool(steady and settled > 1.1 * levels[2:6].min())
+    grown = settled > 1.1 * levels[2:6].min()
+    return bool(steady and grown) and not _forced(result.signals, slice(2 * count // 3, count))
 
 
 def _forced(signals: Mapping[str, np.ndarray], late: slice) -> bool:
@@ -117,12 +119,15 @@ def _forced(signals: Mapping[str, np.ndarray], late: slice) -> bool:
     return any(np.ptp(force) > 0 for force in forces)
 
 
-def _matrix(signals: Mapping[str, np.ndarray], kind: str, count: int) -> np.ndarray:
-    """All `q` or `dq` of all arms as columns, shape (count, channels)."""
-    names = sorted(name for name in signals if (match := _STATE.match(name)) and match["kind"] == kind)
-    return (
-        np.column_stack([np.asarray(signals[name], float)[:count] for name in names]) if names else np.zeros((count, 0))
-    )
+def _names(signals: Mapping[str, np.ndarray], kind: str) -> list[str]:
+    """Names of all `q` or `dq` of all arms."""
+    return sorted(n for n in signals if f".{kind}" in n and (match := _STATE.match(n)) and match["kind"] == kind)
+
+
+def _matrix(signals: Mapping[str, np.ndarray], kinds: Sequence[str]) -> np.ndarray:
+    """All `q` or `dq` of all arms as columns, shape (n, channels); read in one go."""
+    names = [name for kind in kinds for name in _names(signals, kind)]
+    return stacked(signals, names) if names else np.zeros((0, 0))
 
 
 def _unsaturated(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], count: int) -> int:

@@ -11,8 +11,18 @@ from attrs import field, frozen
 
 
 @frozen
+class Code:
+    """A cell with a command: in one line that scrolls, chosen as a whole by one click."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@frozen
 class Table:
-    """Rows of cells under a header. Numbers are written with six significant digits, None as a dash."""
+    """Rows of cells under a header. Numbers are written with six significant digits, None as a dash, `Code` as code."""
 
     header: Sequence[str] = field(converter=tuple)
     rows: Sequence[Sequence[object]] = field(converter=lambda rows: tuple(tuple(row) for row in rows))
@@ -64,7 +74,7 @@ def render(report: Report) -> str:
         loader=PackageLoader("cosim", "templates"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
+    environment.filters.update(cell=cell, numeric=_numeric_columns, code=lambda value: isinstance(value, Code), paragraphs=_paragraphs, anchor=_anchor)
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return environment.get_template("report.html.j2").render(report=report, made=made)
 

@@ -8,13 +8,14 @@ import pytest
 from fakes import MODELS, FakeSystem, oscillator, scenario
 
 from cosim.execution import execute
+from cosim.fmu import open_system
 from cosim.judging import twin_of
 from cosim.master import run
 from cosim.plots import canvas
 from cosim.plots.run import run_report
 from cosim.plots.wiring import block_diagram, place
-from cosim.report import Figure, Report, Section, Table, render, write_report
-from cosim.scenario import Component
+from cosim.report import Code, Figure, Report, Section, Table, render, write_report
+from cosim.scenario import Component, load_scenario
 from cosim.summary import Judged
 
 
@@ -87,6 +88,24 @@ def test_figures_do_not_share_ids():
     assert "<metadata" not in one and "<?xml" not in one
 
 
+def test_a_command_is_one_line_of_code():
+    page = render(Report("T", "", [Section("Points", "", [Table(("no.", "replay"), [(1, Code("cosim run a --set 'b=<1>'"))])])]))
+    checked(page)
+    assert "<td><code>cosim run a --set &#39;b=&lt;1&gt;&#39;</code></td>" in page
+    assert re.search(r"td code \{[^}]*overflow-x: auto; white-space: nowrap", page)
+
+
+def test_the_legend_of_a_sweep_leaves_the_plot_its_width():
+    from cosim.plots.sweep import _legend
+
+    fig, axes = canvas.figure(1, 1)
+    for k in range(7):
+        axes[0, 0].plot([0, 1], [k, k], label=f"exact spectrum at the start pose {k}")
+    _legend(fig)
+    fig.draw_without_rendering()
+    assert axes[0, 0].get_position().width > 0.85
+
+
 def test_empty_reports_render():
     checked(render(Report("nothing", "")))
 
@@ -122,6 +141,13 @@ def test_boxes_never_overlap(count):
         for b in boxes[i + 1 :]:
             assert a.right <= b.left or b.right <= a.left or a.bottom <= b.top or b.bottom <= a.top, (a, b)
     checked(block_diagram(wiring))
+
+
+@pytest.mark.parametrize(("name", "gains"), [("sallam-stable", ("K 0.25 N/m", "B 0.09 N·s/m")), ("sallam-joint", ("K 0.25 N·m/rad", "B 0.09 N·m·s/rad"))])
+def test_gains_in_the_diagram_have_their_units(name, gains):
+    with open_system(load_scenario(name)) as system:
+        diagram = block_diagram(system.wiring(load_scenario(name)))
+    assert all(diagram.count(f">{gain}<") == 2 for gain in gains)
 
 
 def test_thinned_figures_keep_the_page_small(judged):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.plots.canvas import BLACK, BLUE, COLOURS, GREY, ORANGE, PURPLE, SKY, figure, to_svg
-from cosim.report import Figure, Report, Section, Table
+from cosim.report import Code, Figure, Report, Section, Table
 from cosim.results import command_line, versions
 from cosim.stability.evidence import Evidence
 from cosim.sweep.campaign import Campaign, Curve
@@ -22,7 +22,7 @@ _MARKS = {
     "limit_hit": (PURPLE, "v"), "domain_exit": (PURPLE, "P"), "inconclusive": (GREY, "*"), "failed": (BLACK, "x"),
 }  # fmt: skip
 _THEORY = {
-    "delay_sum": ("4 B_l B_r > (T_l + T_r)^2 K_l K_r", "-"),
+    "delay_sum": ("delay-sum condition", "-"),
     "sallam_eq10": ("Sallam Eq. 10 (not sufficient)", ":"),
     "closed_form": ("exact spectrum", "--"),
     "spectrum": ("exact spectrum at the start pose", "--"),
@@ -82,7 +82,7 @@ def _maps(campaign: Campaign) -> list[Section]:
 
 _READING = (
     "Circles: small disturbances die out. Triangles: they grow. The black line is the boundary found by simulation; theory curves "
-    "lie over it. Points crowd where the boundary is."
+    "lie over it (delay-sum condition: 4 B_l B_r > (T_l + T_r)² K_l K_r). Points crowd where the boundary is."
 )
 
 
@@ -94,14 +94,14 @@ def _map(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> Figure:
     fig, axes = figure(1, 1, width=7.6, height=5.0)
     plot = axes[0, 0]
     _scatter(plot, [(p.entries[names.index(x.name)], p.entries[names.index(y.name)], f.outcome) for p, f in chosen])
-    for line in curve.lines if curve else ():
-        plot.plot(*np.array(line).T, color=BLACK, linewidth=1.6)
+    for k, line in enumerate(curve.lines if curve else ()):
+        plot.plot(*np.array(line).T, color=BLACK, linewidth=1.6, label=None if k else "boundary by simulation")
     for k, (name, points) in enumerate(_theory(campaign, curve, x, y).items()):
         label, style = _THEORY[name]
         if points:
             plot.plot(*np.array(points).T, style, color=COLOURS[(2 * k + 2) % len(COLOURS)], linewidth=1.8, label=label)
     _framed(plot, x, y)
-    plot.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    _legend(fig)
     title = curve.label if curve and curve.label else sweep.title
     return Figure(to_svg(fig), f"{title}: {len(chosen)} points")
 
@@ -121,6 +121,11 @@ def _scatter(plot, marks: Sequence[tuple[float, float, str]]) -> None:
         plot.plot(
             *places.T, shape, color=colour, markersize=4, linestyle="none", alpha=0.8, label=outcome.replace("_", " ")
         )
+
+
+def _legend(fig) -> None:
+    """What is drawn, in rows below the plot, which keeps its width."""
+    fig.legend(loc="outside lower center", ncols=3, frameon=False)
 
 
 def _framed(plot, x: Axis, y: Axis) -> None:
@@ -160,10 +165,11 @@ def _crossing_plot(plot, campaign: Campaign, axis: Axis, last: Axis) -> None:
         prefix = ", ".join(str(entry) for _, entry in curve.others[:-1])
         groups.setdefault(prefix, []).extend((curve.others[-1][1], line[0][0]) for line in curve.lines)
     names = [c.label for c in last.choices]
+    joined = not names and all(len(curve.lines) == 1 for curve in campaign.curves)
     for k, (prefix, pairs) in enumerate(groups.items()):
         places = [names.index(a) if names else a for a, _ in pairs]
         plot.plot(
-            places, [b for _, b in pairs], "o" if names else "o-", color=COLOURS[k % len(COLOURS)], label=prefix or None
+            places, [b for _, b in pairs], "o-" if joined else "o", color=COLOURS[k % len(COLOURS)], label=prefix or None
         )
     if names:
         plot.set_xticks(range(len(names)), names)
@@ -171,7 +177,7 @@ def _crossing_plot(plot, campaign: Campaign, axis: Axis, last: Axis) -> None:
         plot.set_xscale("log")
     plot.set(xlabel=_label(last), ylabel=_label(axis))
     if len(groups) > 1:
-        plot.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        _legend(plot.figure)
 
 
 # --- tables ------------------------------------------------------------------------------------------------------------------
@@ -228,11 +234,11 @@ def _audits(campaign: Campaign) -> list[Section]:
 
 def _points(campaign: Campaign) -> Section:
     names = [_label(axis) for axis in campaign.sweep.axes]
-    rows = [[n, *p.entries, f.outcome, f.growth_rate if np.isfinite(f.growth_rate) else None, f.evidence, replay(campaign.sweep, p)]
+    rows = [[n, *p.entries, f.outcome, f.growth_rate if np.isfinite(f.growth_rate) else None, f.evidence, Code(replay(campaign.sweep, p))]
             for n, (p, f) in enumerate(zip(campaign.points, campaign.findings), 1)]  # fmt: skip
     more = "" if len(rows) <= _ROWS else f" The first {_ROWS} of {len(rows)}; all of them are in sweep.h5."
     return Section(
         "Points",
-        "Every point with the command that runs it as one co-simulation." + more,
+        "Every point with the command that runs it as one co-simulation (a click chooses the whole line)." + more,
         [Table(["no.", *names, "outcome", "growth rate [1/s]", "evidence", "replay"], rows[:_ROWS])],
     )

@@ -13,7 +13,7 @@ from cosim.scenario import Scenario
 from cosim.signals import stem
 from cosim.wiring import Hop, Wiring
 
-_WIDTH, _HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 148, 66, 124, 34, 14
+_WIDTH, _HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 148, 82, 124, 34, 14
 _LINE, _INK, _SOFT, _FILL = "#5b6470", "#1d2126", "#5a626d", "#f6f7f9"
 _ACCENT = {
     "PhantomArm": "#0072B2",
@@ -289,19 +289,24 @@ def _draw_box(box: Box, wiring: Wiring) -> str:
 
 
 def _facts(wiring: Wiring, name: str) -> list[str]:
-    """Model and up to one line of key values of a component."""
+    """Model and up to three lines of key values of a component."""
     component, starts = wiring.scenario.components[name], wiring.starts[name]
     facts = [wiring.descriptions[name].model]
     if component.parameter_set:
         facts.append(f"set {component.parameter_set}")
-    if "stiffness[1]" in starts and starts["stiffness[1]"]:
-        facts.append(f"K {starts['stiffness[1]']:g} N/m, B {starts.get('damping[1]', 0):g}")
-    law = wiring.descriptions[name].variables.get("law")
+    variables = wiring.descriptions[name].variables
+    for symbol, key in _GAINS:
+        if starts.get(key):
+            facts.append(f"{symbol} {starts[key]:g} {variables[key].unit.name.replace('.', '·')}")
+    law = variables.get("law")
     if law is not None and "law" in starts:
         facts.append(_delay(law.items[int(starts["law"]) - 1], starts))
     if component.step_multiple > 1:
         facts.append(f"every {component.step_multiple} steps")
-    return [fact if len(fact) <= 22 else fact[:21] + "…" for fact in facts[:3]]
+    return [fact if len(fact) <= 22 else fact[:21] + "…" for fact in facts[:4]]
+
+
+_GAINS = [(symbol, f"{space}{name}[1]") for space in ("", "joint_") for symbol, name in (("K", "stiffness"), ("B", "damping"))]
 
 
 def _delay(law: str, starts: Mapping[str, object]) -> str:

@@ -2,7 +2,11 @@
 paper.
 
 Classic Runge-Kutta with a fixed step; the past is a cubic Hermite polynomial through tip positions and velocities.
-Plain floats, nothing of cosim. Halving the step from 2 ms to 1 ms changes the tips by less than 1e-11 m (tested).
+Plain floats, nothing of cosim. Halving the step from 2 ms to 1 ms changes the tips by less than 1e-11 m at a constant
+delay (tested).
+
+A delay that varies is a law d(t, middle) [s]: `middle` is the middle of the step that t belongs to, so that at a jump,
+which must lie on the grid, the step before ends with the left limit and the step behind begins with the right one.
 """
 
 import math
@@ -38,19 +42,32 @@ def acceleration(q, dq, force, jacobian):
     return b1 / m11, (p6 * b2 - m23 * b3) / determinant, (p5 * b3 - m23 * b2) / determinant
 
 
-class Loop:
-    """Local and remote arm, coupled with gains K [N/m], B [N s/m] over a constant delay each way [s]."""
+def constant(delay):
+    return lambda t, middle: delay
 
-    def __init__(self, delay, step, stiffness=0.25, damping=0.09, amplitude=0.004, release=20.0):
-        self.delay, self.step, self.stiffness, self.damping = delay, step, stiffness, damping
+
+def sinusoidal(low, high, period, phase):
+    return lambda t, middle: low + (high - low) / 2 * (1 + math.sin(2 * math.pi * t / period + phase))
+
+
+def sawtooth(low, high, period):
+    """Rises from low to high in every period, then falls at once."""
+    return lambda t, middle: low + (high - low) * (t / period - math.floor(middle / period))
+
+
+class Loop:
+    """Local and remote arm, coupled with gains K [N/m], B [N s/m] over a law of delay [s] there and one back."""
+
+    def __init__(self, there, back, step, stiffness=0.25, damping=0.09, amplitude=0.004, release=20.0):
+        self.delays, self.step, self.stiffness, self.damping = (back, there), step, stiffness, damping
         self.amplitude, self.release = amplitude, release
         self.positions, self.velocities = [], []
 
     def state(self, q_start=(0.0, 0.3, 0.4)):
         return (*q_start, 0.0, 0.0, 0.0) * 2
 
-    def operator(self, time, before_release):
-        if not before_release:
+    def operator(self, time, middle):
+        if middle > self.release:
             return (0.0, 0.0, 0.0)
         wave = self.amplitude * math.sin(2 * math.pi * 0.05 * time)
         return (wave, 0.8 * wave, 0.6 * wave)
@@ -70,16 +87,17 @@ class Loop:
             )
         ]
 
-    def rates(self, time, y, before_release):
+    def rates(self, time, y, middle):
         tips = [tip(y[0:3]), tip(y[6:9])]
         out = []
         for arm, other in ((0, 1), (1, 0)):
             q, dq = y[6 * arm : 6 * arm + 3], y[6 * arm + 3 : 6 * arm + 6]
-            (x, jacobian), far = tips[arm], tips[other][0] if self.delay == 0.0 else self.past(time - self.delay, other)
+            delay = self.delays[arm](time, middle)
+            (x, jacobian), far = tips[arm], tips[other][0] if delay == 0.0 else self.past(time - delay, other)
             dx = [sum(row[j] * dq[j] for j in range(3)) for row in jacobian]
             force = [self.stiffness * (far[i] - x[i]) - self.damping * dx[i] for i in range(3)]
             if arm == 0:
-                force = [f + o for f, o in zip(force, self.operator(time, before_release))]
+                force = [f + o for f, o in zip(force, self.operator(time, middle))]
             out += [*dq, *acceleration(q, dq, force, jacobian)]
         return out
 
@@ -99,11 +117,11 @@ class Loop:
         states = [y]
         self.keep(y)
         for n in range(round(stop / h)):
-            t, forced = n * h, n * h < self.release - h / 2
-            k1 = self.rates(t, y, forced)
-            k2 = self.rates(t + h / 2, [a + h / 2 * b for a, b in zip(y, k1)], forced)
-            k3 = self.rates(t + h / 2, [a + h / 2 * b for a, b in zip(y, k2)], forced)
-            k4 = self.rates(t + h, [a + h * b for a, b in zip(y, k3)], forced)
+            t, middle = n * h, (n + 0.5) * h
+            k1 = self.rates(t, y, middle)
+            k2 = self.rates(t + h / 2, [a + h / 2 * b for a, b in zip(y, k1)], middle)
+            k3 = self.rates(t + h / 2, [a + h / 2 * b for a, b in zip(y, k2)], middle)
+            k4 = self.rates(t + h, [a + h * b for a, b in zip(y, k3)], middle)
             y = [a + h / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(y, k1, k2, k3, k4)]
             states.append(y)
             self.keep(y)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 
 from attrs import field, frozen
 
@@ -88,12 +89,14 @@ class Description:
         return list(dict.fromkeys(stem(name) for name in names))
 
 
+@lru_cache(maxsize=8192)
 def stem(name: str) -> str:
     """`q[2]` -> `q`."""
     match = _ELEMENT.match(name)
     return match["stem"] if match else name
 
 
+@lru_cache(maxsize=8192)
 def index_of(name: str) -> int:
     """`q[2]` -> 2; 0 for a scalar."""
     match = _ELEMENT.match(name)

@@ -28,9 +28,9 @@ class Audit:
 
 def missed_area(wrong: int, points: int, level: float) -> float:
     """Upper Clopper-Pearson limit of a share when `wrong` of `points` independent ones show it; about 3 / points for none at 95 %."""
-    from scipy.stats import beta
+    from scipy.special import betaincinv
 
-    return 1.0 if wrong >= points else float(beta.ppf(level, wrong + 1, points - wrong))
+    return 1.0 if wrong >= points else float(betaincinv(wrong + 1, points - wrong, level))
 
 
 @frozen

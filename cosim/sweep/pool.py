@@ -6,6 +6,7 @@ each alone; a point that then fails gets one retry, and after that is `failed`, 
 """
 
 import multiprocessing
+import sys
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -98,11 +99,15 @@ class Here(Workers):
 
 
 class LocalPool(Workers):
-    """`count` worker processes, started by spawn; one that dies is replaced."""
+    """`count` worker processes; one that dies is replaced.
+
+    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by then
+    this process may have threads, which do not survive a fork.
+    """
 
     def __init__(self, count: int) -> None:
-        self.context = multiprocessing.get_context("spawn")
-        self.staff = [_Worker(self.context) for _ in range(max(1, count))]
+        first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+        self.staff = [_Worker(first) for _ in range(max(1, count))]
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         todo = deque(chunked(points, size))
@@ -134,12 +139,12 @@ class _Worker:
     """One process with a pipe, and the chunk it is busy with."""
 
     def __init__(self, context) -> None:
-        self.context, self.chunk = context, None
-        self._start()
+        self.chunk = None
+        self._start(context)
 
-    def _start(self) -> None:
-        self.pipe, far = self.context.Pipe()
-        self.process = self.context.Process(target=_serve, args=(far,), daemon=True)
+    def _start(self, context) -> None:
+        self.pipe, far = context.Pipe()
+        self.process = context.Process(target=_serve, args=(far,), daemon=True)
         self.process.start()
         far.close()
 
@@ -165,7 +170,7 @@ class _Worker:
 
     def _restart(self) -> None:
         self.stop()
-        self._start()
+        self._start(multiprocessing.get_context("spawn"))
 
     def stop(self) -> None:
         """End the process."""
@@ -183,13 +188,15 @@ def _cause(code: int | None) -> str:
 
 
 def _serve(pipe: Connection) -> None:
-    """Loop of a worker process: Ctrl-C is the parent's business."""
+    """Loop of a worker process: Ctrl-C is the parent's business, and it ends with its parent (whose end of the pipe other
+    forked workers hold too)."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    while True:
-        try:
+    parent = multiprocessing.parent_process().sentinel
+    try:
+        while parent not in wait([pipe, parent]):
             task, points = pipe.recv()
             pipe.send(attempt(task, points))
-        except (EOFError, OSError):
-            return
+    except (EOFError, OSError):
+        return

@@ -29,11 +29,11 @@ class Share:
 
 def interval(stable: int, decided: int, level: float) -> tuple[float, float]:
     """Clopper-Pearson interval of a share: covers at least `level` for every true share."""
-    from scipy.stats import beta
+    from scipy.special import betaincinv
 
     tail = 0.5 * (1.0 - level)
-    low = float(beta.ppf(tail, stable, decided - stable + 1)) if stable else 0.0
-    high = float(beta.ppf(1.0 - tail, stable + 1, decided - stable)) if stable < decided else 1.0
+    low = float(betaincinv(stable, decided - stable + 1, tail)) if stable else 0.0
+    high = float(betaincinv(stable + 1, decided - stable, 1.0 - tail)) if stable < decided else 1.0
     return low, high
 
 

@@ -19,7 +19,7 @@ from functools import cache
 import numpy as np
 
 from cosim.errors import RunError
-from cosim.execution import Ending, Job, Progress, blamed, interrupted, keep, watched
+from cosim.execution import Ending, Job, Progress, blamed, interrupted, keep, marked, watched
 from cosim.execution import execute as execute_in_python
 from cosim.fmu import Fmi2Slave, FmuSlave
 from cosim.initialisation import initial_sources, wired
@@ -61,7 +61,7 @@ class _Job(ctypes.Structure):
     _fields_ = [
         ("slaves", c_void_p), ("phases", c_void_p), ("n_phases", c_int64), ("store", c_void_p), ("n_outputs", c_int64),
         ("table", c_void_p), ("n_columns", c_int64), ("every", c_int64), ("row_start", c_int64), ("step_ns", c_double),
-        ("bound", c_double), ("domain", c_void_p), ("n_domain", c_int64), ("component", c_int64), ("call", c_int64),
+        ("bound", c_double), ("domain", c_void_p), ("n_domain", c_int64), ("mark", c_void_p), ("call", c_int64),
         ("status", c_int64),
     ]  # fmt: skip
 
@@ -75,7 +75,7 @@ def _library():
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     """A compiled fmu_src/executor with the types of its functions."""
-    library.execute.argtypes = [POINTER(_Job), POINTER(c_int64), c_int64]
+    library.execute.argtypes = [POINTER(_Job), c_int64]
     library.initialise.argtypes = [POINTER(_Job), c_void_p, c_int64]
     library.execute.restype = library.initialise.restype = c_int
     return library
@@ -89,7 +89,7 @@ def applies(slaves: Sequence[Slave]) -> bool:
 # --- start ----------------------------------------------------------------------------------------------------------------
 
 
-def initialise(wiring: Wiring, slaves: Sequence[Slave], memory: dict) -> np.ndarray:
+def initialise(wiring: Wiring, slaves: Sequence[Slave], memory: dict, mark: np.ndarray | None = None) -> np.ndarray:
     """The store at t = 0 (see cosim.initialisation.initialise); memory: kept between runs of the same schedule and slaves.
 
     Raises RunError, worded in Python: an instance that refuses anything is started again there.
@@ -98,9 +98,10 @@ def initialise(wiring: Wiring, slaves: Sequence[Slave], memory: dict) -> np.ndar
     if begin is None:
         wired(wiring, slaves)
         begin = memory["start"] = _Begin(wiring, slaves) if applies(slaves) else False
-    if begin and begin.run(wiring):
+    mark = marked() if mark is None else mark
+    if begin and begin.run(wiring, mark):
         return begin.store
-    return initialise_in_python(wiring, slaves)
+    return initialise_in_python(wiring, slaves, mark)
 
 
 class _Begin:
@@ -125,8 +126,9 @@ class _Begin:
         else:
             start.enter3 = slave.address("EnterInitializationMode")
 
-    def run(self, wiring: Wiring) -> bool:
+    def run(self, wiring: Wiring, mark: np.ndarray) -> bool:
         """Start every instance; False where one refuses anything."""
+        self.job.mark = mark.ctypes.data
         for i, slave in enumerate(self.slaves):
             slave.messages.clear()
             slave.time, slave.fresh, self.starts[i].fresh = 0.0, False, slave.fresh
@@ -210,7 +212,7 @@ class _Loop:
     """A schedule with its slaves in C's layout, and the arrays that must outlive the calls."""
 
     def __init__(self, job: Job) -> None:
-        self.arena, self.store, self.done = Arena(), job.store, c_int64(0)
+        self.arena, self.store = Arena(), job.store
         slaves = (_Slave * len(job.slaves))(
             *[_native(slave, offset, self.arena) for slave, offset in zip(job.slaves, job.schedule.offset)]
         )
@@ -218,34 +220,33 @@ class _Loop:
         self.native = _Job(
             self.arena.structures(slaves), phases, len(job.schedule.phases), self.arena.array(job.store),
             job.schedule.outputs, None, len(job.columns), job.every, 0, job.schedule.step_ns, job.watch.bound,
-            self.arena.indices(job.watch.domain), len(job.watch.domain), -1, -1, 0,
+            self.arena.indices(job.watch.domain), len(job.watch.domain), None, -1, 0,
         )  # fmt: skip
 
     def run(self, job: Job, progress: Callable[[Progress], None] | None) -> Ending:
         """Batches of communication steps, each of about a tenth of a second, until the end."""
-        execute, steps, done = _library().execute, job.steps, self.done
-        self.native.table, done.value = job.table.ctypes.data, 0
+        execute, steps, done = _library().execute, job.steps, 0
+        self.native.table, self.native.mark, job.mark[0] = job.table.ctypes.data, job.mark.ctypes.data, 0
         began = last = time.perf_counter()
         batch = _FIRST_BATCH
         try:
-            while done.value < steps:
-                before = done.value
-                answer = execute(byref(self.native), byref(done), min(steps, before + batch))
+            while done < steps:
+                before = done
+                answer = execute(byref(self.native), min(steps, before + batch))
+                done = int(job.mark[0])
                 if answer != _DONE:
-                    return self._ending(job, answer)
+                    return self._ending(job, answer, done)
                 now = time.perf_counter()
-                batch = max(1, int((done.value - before) * _TURN / max(now - last, 1e-6)))
+                batch = max(1, int((done - before) * _TURN / max(now - last, 1e-6)))
                 last = now
-                job.drop(done.value // job.every)
+                job.drop(done // job.every)
                 if progress is not None:
-                    at = seconds(done.value, job.schedule.step_ns)
-                    progress(Progress(done.value, steps, at, now - began))
+                    progress(Progress(done, steps, seconds(done, job.schedule.step_ns), now - began))
         except KeyboardInterrupt:
-            return interrupted(done.value)
-        return Ending(done.value)
+            return interrupted(int(job.mark[0]))
+        return Ending(done)
 
-    def _ending(self, job: Job, answer: int) -> Ending:
-        done = self.done.value
+    def _ending(self, job: Job, answer: int, done: int) -> Ending:
         if answer == _ENDED:
             return watched(job, done) or Ending(done, message="an FMU asked to end the run")
         if answer == _OUT_OF_BOUNDS:
@@ -258,10 +259,11 @@ class _Loop:
 
     def _refused(self, job: Job, done: int) -> Ending:
         """Raises what the slave itself would have raised for the call's status."""
-        slave, call, status = job.slaves[self.native.component], self.native.call, self.native.status
+        component, call, status = int(job.mark[1]), self.native.call, self.native.status
+        slave = job.slaves[component]
         slave.time = seconds(done, job.schedule.step_ns)
         if _CALLS[call] == "get outputs":
-            slave.time += _step_size(job, self.native.component)
+            slave.time += _step_size(job, component)
         if _CALLS[call] == "step":
             slave.judge(status)
             return Ending(done, message="an FMU asked to end the run")

@@ -44,6 +44,11 @@ class Watch:
     bound: float
 
 
+def marked() -> np.ndarray:
+    """A new mark: communication steps completed, number of the component at work; true at any time, should an FMU crash."""
+    return np.zeros(2, dtype=np.int64)
+
+
 @frozen
 class Job:
     """What an executor gets: the schedule, its slaves (initialised), the store at t = 0, which of the recorded signals to
@@ -51,8 +56,8 @@ class Job:
 
     store: (2n,) current and previous outputs, filled; table: (rows, columns) to fill, row 0 included; columns: (columns,)
     places among the n outputs; every: communication steps per row; steps: communication steps in all; drop: to be told now
-    and then how many rows are filled; memory: where an executor keeps what serves the next job of the same schedule, slaves,
-    store and columns.
+    and then how many rows are filled; mark: (2,) where the run is (see `marked`); memory: where an executor keeps what
+    serves the next job of the same schedule, slaves, store and columns.
     """
 
     schedule: Schedule
@@ -64,6 +69,7 @@ class Job:
     steps: int
     watch: Watch
     drop: Callable[[int], None] = lambda done: None
+    mark: np.ndarray = field(factory=marked, repr=False)
     memory: dict = field(factory=dict, repr=False)
 
 
@@ -96,12 +102,14 @@ def execute(job: Job, progress: Callable[[Progress], None] | None = None) -> End
         try:
             ending = watched(job, 0)
             keep(job, 0, job.columns)
+            job.mark[0] = 0
             while ending is None and done < job.steps:
                 turn = phases[done % len(phases)]
                 going = turn.act(done)
                 if (done + 1) % job.every == 0:
                     keep(job, done + 1, turn.columns)
                 done += 1
+                job.mark[0] = done
                 ending = watched(job, done) if going else Ending(done, message="an FMU asked to end the run")
                 if done % _TURN == 0:
                     job.drop(done // job.every)
@@ -128,13 +136,14 @@ class _Turn:
     """One phase with its operations bound to their slaves; `columns` are the places that its row is taken from."""
 
     def __init__(self, phase: Phase, job: Job) -> None:
-        self.operations = [_bound(operation, job) for operation in phase.operations]
+        self.mark, self.operations = job.mark, [(o.component, _bound(o, job)) for o in phase.operations]
         self.columns = phase.record.source[job.columns]
 
     def act(self, done: int) -> bool:
         """Carry out the operations of the step after `done` steps; False where an FMU asks to end."""
         going = True
-        for operation in self.operations:
+        for component, operation in self.operations:
+            self.mark[1] = component
             if operation(done) is False:
                 going = False
         return going

@@ -3,10 +3,11 @@
 `cosim.compiled` does the same in C, with the same bits.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from cosim.execution import marked
 from cosim.schedule import Schedule
 from cosim.slave import Slave
 from cosim.wiring import Wiring
@@ -18,32 +19,32 @@ def wired(wiring: Wiring, slaves: Sequence[Slave]) -> None:
         slave.wire(wiring.inputs(slave.name), wiring.sloped(slave.name), wiring.outputs(slave.name))
 
 
-def initialise(wiring: Wiring, slaves: Sequence[Slave]) -> np.ndarray:
+def initialise(wiring: Wiring, slaves: Sequence[Slave], mark: np.ndarray | None = None) -> np.ndarray:
     """Start every slave and carry outputs to inputs until nothing changes any more; the store at t = 0, (2n,).
 
     Inputs are set once at least, and again where they changed.
     Without algebraic loops this ends after at most as many rounds as there are components. Raises RunError.
     """
-    schedule = wiring.schedule
+    schedule, mark = wiring.schedule, marked() if mark is None else mark
     wired(wiring, slaves)
-    for slave in slaves:
+    for slave in _at_work(slaves, mark):
         slave.slopes[:] = 0.0
         slave.start(wiring.starts[slave.name])
     store = np.zeros(2 * schedule.outputs)
     before = np.full(schedule.outputs, np.nan)
     sources = initial_sources(wiring)
     for turn in range(len(slaves) + 1):
-        _collect(schedule, slaves, store)
+        _collect(schedule, slaves, store, mark)
         if np.array_equal(store[: schedule.outputs], before):
             break
         before = store[: schedule.outputs].copy()
-        for slave, source in zip(slaves, sources):
+        for slave, source in zip(_at_work(slaves, mark), sources):
             if len(source) and not (turn and np.array_equal(slave.inputs, store[source])):
                 slave.inputs[:] = store[source]
                 slave.set()
-    for slave in slaves:
+    for slave in _at_work(slaves, mark):
         slave.begin()
-    _collect(schedule, slaves, store)
+    _collect(schedule, slaves, store, mark)
     store[schedule.outputs :] = store[: schedule.outputs]
     return store
 
@@ -58,8 +59,15 @@ def initial_sources(wiring: Wiring) -> list[np.ndarray]:
     ]
 
 
-def _collect(schedule: Schedule, slaves: Sequence[Slave], store: np.ndarray) -> None:
-    for slave, offset, count in zip(slaves, schedule.offset, schedule.count):
+def _at_work(slaves: Sequence[Slave], mark: np.ndarray) -> Iterator[Slave]:
+    """The slaves one after another, each marked as the one at work."""
+    for number, slave in enumerate(slaves):
+        mark[1] = number
+        yield slave
+
+
+def _collect(schedule: Schedule, slaves: Sequence[Slave], store: np.ndarray, mark: np.ndarray) -> None:
+    for slave, offset, count in zip(_at_work(slaves, mark), schedule.offset, schedule.count):
         if count:
             slave.get()
             store[offset : offset + count] = slave.outputs

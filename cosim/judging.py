@@ -38,9 +38,13 @@ def judged_run(
     system: System,
     progress: Callable[[Progress], None] | None = None,
     record: Sequence[str] | None = None,
+    simulate: Callable[..., Result] = run,
 ) -> Judged:
-    """Run a scenario, and its twin unless the first run failed or was interrupted; both on the loaded FMUs."""
-    result = run(scenario, system, progress, record)
+    """Run a scenario, and its twin unless the first run failed or was interrupted; both on the loaded FMUs.
+
+    simulate: who runs them (`cosim.apart.runner`).
+    """
+    result = simulate(scenario, system, progress, record)
     wiring = system.wiring(scenario)
     plain = Judged(
         result, wiring, result.outcome, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted
@@ -48,7 +52,7 @@ def judged_run(
     twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
     if twin is None:
         return plain
-    return _with_verdict(plain, run(twin, system, progress, _rates(result)))
+    return _with_verdict(plain, simulate(twin, system, progress, _rates(result)))
 
 
 def _rates(result: Result) -> list[str]:

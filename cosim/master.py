@@ -14,7 +14,7 @@ from attrs import evolve, field, frozen
 
 from cosim import compiled
 from cosim.errors import InputError, Problem, RunError, did_you_mean
-from cosim.execution import Ending, Executor, Job, Progress, Watch
+from cosim.execution import Ending, Executor, Job, Progress, Watch, marked
 from cosim.initialisation import initialise
 from cosim.outcome import Outcome
 from cosim.rows import Columns, Rows, stacked
@@ -96,16 +96,14 @@ def run(
         with open_system(scenario) as opened:
             return run(scenario, opened, progress, record, executor)
     began = time.perf_counter()
-    stage = _Stage.of(system, system.wiring(scenario), record)
-    wiring = stage.wiring
-    store = initialise(wiring, stage.slaves) if executor else compiled.initialise(wiring, stage.slaves, stage.memory)
+    stage = Stage.of(system, system.wiring(scenario), record)
     rows = Rows(stage.timetable.rows, len(stage.timetable.names))
-    ending = (executor or compiled.execute)(stage.job(store, rows), progress)
-    return stage.timetable.result(wiring, rows, ending, time.perf_counter() - began)
+    ending = stage.carry_out(rows, progress, marked(), executor)
+    return stage.timetable.result(stage.wiring, rows, ending, time.perf_counter() - began)
 
 
 @frozen
-class _Stage:
+class Stage:
     """What runs with the same slaves, connections and choice of signals have in common; `wiring` is that of one of them."""
 
     wiring: Wiring
@@ -115,7 +113,7 @@ class _Stage:
     memory: dict
 
     @classmethod
-    def of(cls, system: System, wiring: Wiring, record: Sequence[str] | None) -> _Stage:
+    def of(cls, system: System, wiring: Wiring, record: Sequence[str] | None) -> Stage:
         """The stage that the system remembers, for this wiring, or a new one."""
         slaves, known = system.slaves(wiring), getattr(system, "memory", {})
         key = None if record is None else tuple(record)
@@ -126,11 +124,15 @@ class _Stage:
         known[key] = cls(wiring, slaves, Timetable.of(wiring, record), domain, {})
         return known[key]
 
-    def job(self, store: np.ndarray, rows: Rows) -> Job:
-        """The job of a run from `store`, to be kept in `rows`."""
-        experiment = self.wiring.scenario.experiment
-        return Job(self.wiring.schedule, self.slaves, store, rows.values, self.timetable.columns, experiment.record_every,
-                   experiment.steps, Watch(self.domain, experiment.bound), rows.drop, self.memory)  # fmt: skip
+    def carry_out(
+        self, rows: Rows, progress: Callable[[Progress], None] | None, mark: np.ndarray, executor: Executor | None = None
+    ) -> Ending:
+        """Initialise the slaves and run the schedule, by default both in C; what is computed goes to `rows`. Raises RunError."""
+        wiring, slaves, experiment = self.wiring, self.slaves, self.wiring.scenario.experiment
+        store = initialise(wiring, slaves) if executor else compiled.initialise(wiring, slaves, self.memory, mark)
+        job = Job(wiring.schedule, slaves, store, rows.values, self.timetable.columns, experiment.record_every,
+                  experiment.steps, Watch(self.domain, experiment.bound), rows.drop, mark, self.memory)  # fmt: skip
+        return (executor or compiled.execute)(job, progress)
 
 
 @frozen

@@ -32,6 +32,15 @@ class Rows:
         rows.values = values
         return rows
 
+    @classmethod
+    def shared(cls, rows: int, columns: int) -> "Rows":
+        """A table that a forked process fills for this one: on disk where it is large, else in shared memory."""
+        table = cls(rows, columns)
+        if table.on_disk:
+            return table
+        memory = np.frombuffer(mmap.mmap(-1, max(1, 8 * rows * columns)), count=rows * columns)
+        return cls.of(memory.reshape(rows, columns))
+
     @property
     def on_disk(self) -> bool:
         return self.file is not None

@@ -27,6 +27,7 @@ LAYERS = [
     ["fmu", "execution", "initialisation", "native"],
     ["compiled"],
     ["master"],
+    ["apart"],
     ["results"],
     ["stability", "summary"],
     ["judging"],

@@ -29,6 +29,7 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """One co-simulation: summary.json, result.h5, report.html."""
+    from cosim.apart import runner
     from cosim.cli.folder import made
     from cosim.fmu import open_system
     from cosim.judging import judged_run
@@ -36,7 +37,7 @@ def command(
     wiring = prepare(scenario, set_ or [], effects)
     folder = made(out or Path("results") / wiring.scenario.name)
     with open_system(wiring.scenario) as system, meter(wiring.scenario.name) as progress:
-        judged = judged_run(wiring.scenario, system, progress)
+        judged = judged_run(wiring.scenario, system, progress, simulate=runner(wiring.scenario))
     lost = _write(judged, folder, export or [], report)
     print(_spoken(judged, folder))
     if lost:

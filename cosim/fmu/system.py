@@ -49,13 +49,14 @@ class FmuSet:
 
         The same list as before where nothing changed.
         """
-        found = [self._slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
+        found = [self.slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
         if len(found) != len(self.bench) or any(one is not other for one, other in zip(found, self.bench)):
             self.bench = found
             self.memory.clear()
         return self.bench
 
-    def _slave(self, name: str, description: Description) -> FmuSlave:
+    def slave(self, name: str, description: Description) -> FmuSlave:
+        """The instance of one component, loaded where it was not yet. Raises RunError."""
         slave = self.loaded.get(name)
         if slave is None or slave.description is not description and slave.description.sha256 != description.sha256:
             if slave is not None:

@@ -87,8 +87,9 @@ typedef struct {
     double step_ns, bound;
     const int64_t *domain;
     int64_t n_domain;
+    int64_t *mark; /* [2]: communication steps completed, component at work; true at any time, should an FMU crash */
     /* answers */
-    int64_t component, call, status; /* of the call that did not return 0 or 1 */
+    int64_t call, status; /* of the call of that component that did not return 0 or 1 */
 } Job;
 
 enum { DONE, CALL_FAILED, ENDED, OUT_OF_BOUNDS };
@@ -184,6 +185,7 @@ static int collect(Job *job, int64_t n_slaves)
 {
     int same = 1;
     for (Slave *s = job->slaves; s < job->slaves + n_slaves; s++) {
+        job->mark[1] = s - job->slaves;
         if (fetch(s, s->outputs, job) > 1) return -1;
         for (int64_t i = 0; i < s->n_outputs; i++) {
             same = same && s->outputs[i] == job->store[s->offset + i];
@@ -197,8 +199,10 @@ static int collect(Job *job, int64_t n_slaves)
  * anything (the caller starts again in Python, which says what). */
 EXPORTED int initialise(Job *job, const Start *starts, int64_t n_slaves)
 {
-    for (int64_t i = 0; i < n_slaves; i++)
+    for (int64_t i = 0; i < n_slaves; i++) {
+        job->mark[1] = i;
         if (!start(job->slaves + i, starts + i)) return 1;
+    }
     for (int64_t i = 0; i < job->n_outputs; i++) job->store[i] = NAN;
     for (int64_t round = 0; round <= n_slaves; round++) {
         const int same = collect(job, n_slaves);
@@ -213,19 +217,23 @@ EXPORTED int initialise(Job *job, const Start *starts, int64_t n_slaves)
                 s->inputs[k] = value;
             }
             for (int64_t k = 0; k < s->n_slopes; k++) s->slopes[k] = 0.0;
+            job->mark[1] = i;
             if (s->n_inputs && news && hand_over(s, job) > 1) return 1;
         }
     }
-    for (int64_t i = 0; i < n_slaves; i++)
+    for (int64_t i = 0; i < n_slaves; i++) {
+        job->mark[1] = i;
         if (starts[i].leave(job->slaves[i].instance) > 1) return 1;
+    }
     if (collect(job, n_slaves) < 0) return 1;
     for (int64_t i = 0; i < job->n_outputs; i++) job->store[job->n_outputs + i] = job->store[i];
     return 0;
 }
 
-/* Communication steps from *done until *done == until, or until something ends the run; *done counts those completed. */
-EXPORTED int execute(Job *job, int64_t *done, int64_t until)
+/* Communication steps from mark[0] on until it is `until`, or until something ends the run. */
+EXPORTED int execute(Job *job, int64_t until)
 {
+    int64_t *const done = job->mark;
     while (*done < until) {
         const Phase *phase = job->phases + *done % job->n_phases;
         const double time = (double)*done * job->step_ns / 1e9;
@@ -233,11 +241,11 @@ EXPORTED int execute(Job *job, int64_t *done, int64_t until)
         for (int64_t k = 0; k < phase->n_operations; k++) {
             const Operation *o = phase->operations + k;
             Slave *s = job->slaves + o->component;
+            job->mark[1] = o->component;
             const int status = o->kind == SET ? set_inputs(s, o, job->store, job)
                 : o->kind == STEP             ? step_slave(s, time, o->size, job)
                                               : get_outputs(s, job->store, job->n_outputs, job);
             if (status > 1) {
-                job->component = o->component;
                 job->status = status;
                 return CALL_FAILED;
             }

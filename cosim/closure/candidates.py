@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.closure.model import Choice, Model, delivered_target, filtered
 from cosim.effects import Effect, Estimate
@@ -11,6 +11,7 @@ from cosim.effects import Effect, Estimate
 CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
 COLLINEAR = 2e-3  # share of a column that the model does not explain already, below which it cannot be told from the model
 REFINED = 0.1  # gain from which on nonlinear parameters are refined before the evidence is weighed
+FIRST_STEP, BETWEEN, MOVES = 0.1, 0.5, 9  # of that refinement: first and largest change, trials for each parameter and one
 THRIFT = 1.03  # an option with one column more has to leave this much less
 
 
@@ -74,19 +75,34 @@ def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...
 
 
 def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) -> Candidate:
-    """A promising candidate with its continuous nonlinear parameters moved to the largest gain; every trial is counted."""
-    effect, joints = candidate.choice.effect, candidate.choice.joints
-    best, gain, beta, tried = candidate.choice.theta, candidate.gain * base, candidate.beta, candidate.tried
-    for step in (0.1, 0.03, 0.01):
-        for index in effect.continuous(best):
-            for sign in (1, -1):
-                trial = effect.moved(best, index, sign * step)
-                found = normal.gain_of(Choice(effect, joints, trial), columns_of(model, effect, joints, trial))
-                tried += 1
-                if found is not None and found[0] > gain:
-                    best, (gain, beta) = trial, found
-                    break
-    return Candidate(Choice(effect, joints, best), gain / base, beta, tried)
+    """A promising candidate with its continuous nonlinear parameters moved to the largest gain (Nelder, Mead 1965); every trial is counted."""
+    from scipy.optimize import minimize
+
+    choice = candidate.choice
+    free = choice.effect.continuous(choice.theta)
+    if not free:
+        return candidate
+    found = {}
+
+    def loss(x: np.ndarray) -> float:
+        trial = evolve(choice, theta=shifted(choice, free, np.clip(x, -BETWEEN, BETWEEN)))
+        found[trial.theta] = normal.gain_of(trial, columns_of(model, trial.effect, trial.joints, trial.theta)) or (0.0, candidate.beta)
+        return -found[trial.theta][0]
+
+    simplex = np.vstack([np.zeros(len(free)), FIRST_STEP * np.eye(len(free))])
+    result = minimize(loss, simplex[0], method="Nelder-Mead",
+                      options={"initial_simplex": simplex, "maxfev": MOVES * (1 + len(free)), "xatol": 3e-3, "fatol": 1e-4 * base})  # fmt: skip
+    best = max(found, key=lambda theta: found[theta][0])
+    gain, beta = found[best]
+    return evolve(candidate, choice=evolve(choice, theta=best), gain=gain / base, beta=beta, tried=candidate.tried + result.nfev)
+
+
+def shifted(choice: Choice, free: tuple[int, ...], steps: np.ndarray) -> tuple[float, ...]:
+    """theta of the choice with its free parameters moved by steps, factors of 1 + step for positive ones."""
+    theta = choice.theta
+    for index, step in zip(free, steps, strict=False):
+        theta = choice.effect.moved(theta, index, float(np.clip(step, -0.6, 2.0)))
+    return theta
 
 
 def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):

@@ -67,11 +67,11 @@ class Motion:
         """Time derivative of a smooth signal x (n, ...), by central differences within each run."""
         return self.per_run(lambda part: np.gradient(part, self.step, axis=0), x)
 
-    def advanced(self, x: np.ndarray, seconds: float) -> np.ndarray:
-        """x(t + seconds) (n, k) within each run, cubic between samples; the ends are held."""
+    def advanced(self, x: np.ndarray, seconds: float, order: int = 1) -> np.ndarray:
+        """x(t + seconds) (n, k) within each run, a spline of `order` between samples; the ends are held."""
         from scipy.ndimage import shift
 
-        return self.per_run(lambda part: shift(part, (-seconds / self.step, 0), mode="nearest"), x)
+        return self.per_run(lambda part: shift(part, (-seconds / self.step, 0), order=order, mode="nearest"), x)
 
 
 def prepare(recording: Recording, widths: Widths | None = None) -> Motion:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.candidates import Candidate, screen
+from cosim.closure.candidates import Candidate, screen, shifted
 from cosim.closure.evidence import Evidence, relative_error, weigh
 from cosim.closure.model import Choice, Model, evolve_model, settled, train_error, with_choices
 from cosim.effects import Effect
@@ -160,9 +160,7 @@ def _together(model: Model, number: int) -> Model:
     free = choice.effect.continuous(choice.theta)
 
     def moved(x: np.ndarray) -> Model:
-        theta = choice.theta
-        for index, step in zip(free, x, strict=False):
-            theta = choice.effect.moved(theta, index, float(np.clip(step, -0.6, 2.0)))
+        theta = shifted(choice, free, x)
         law = evolve(model.laws[joint], width=model.laws[joint].width * float(np.exp(np.clip(x[-1], -2, 2))))
         changed = evolve_model(model, laws=tuple(law if j == joint else old for j, old in enumerate(model.laws)))
         return with_choices(changed, tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices)), passes=0)

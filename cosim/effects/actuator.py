@@ -15,7 +15,7 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 _FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
-USUAL = 0.4  # share of commands beyond a limit, above which it is no limit but the usual torque
+USUAL = 0.4  # share of commands beyond a limit or within a dead band, above which it is neither but the usual torque
 
 
 class Late(Effect):
@@ -88,7 +88,7 @@ class TimeDelay(Late):
     aliases = (Alias("actuator_lag", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
 
     def delivered(self, motion, torque, theta):
-        return motion.advanced(torque, -theta[0])
+        return motion.advanced(torque, -theta[0], order=3)
 
 
 class TorqueGain(Effect):
@@ -194,6 +194,9 @@ class TorqueDeadband(Effect):
     def unphysical(self, estimate: Estimate) -> str:
         if estimate.beta[0] < 0:
             return "negative"
+        within = float(np.mean(np.abs(estimate.scene.motion.tau_raw[:, estimate.joints[0]]) < estimate.theta[0]))
+        if within > USUAL:
+            return f"{100 * within:.0f} % of the commands lie within the dead band: a loop so starved of torque would not track"
         ratio = estimate.beta[0] / estimate.theta[0]
         slack = 3 * estimate.std[0] / estimate.theta[0]
         return "" if 0.5 - slack < ratio < 2.0 + slack else "the height and the width of the dead band disagree"

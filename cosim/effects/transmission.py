@@ -1,9 +1,11 @@
 """Effects between motor and link: elasticity and backlash, seen by encoders on the motor.
 
-The rigid torque is the one that reaches the link; friction stands at the motor. What the link does behind its encoder is simulated from
-the recorded motion of the motor, its displacement enters the rigid torque to first order.
+Friction stands at the motor. What the link does behind its encoder is simulated from the recorded motion of the motor
+(fmu_src/link/link.c); the torque that it takes from the motor replaces that of the rigid link, on other joints to first order.
 """
 
+from ctypes import CDLL, c_double, c_void_p
+from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,6 +14,10 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 
 _OTHER = "an encoder on the link, or excitation near the resonance"
 _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
+SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
+USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
+STIFF = (60.0, 130.0, 280.0, 600.0)  # rad/s, of a link against the side of a gap
+SMALL = 0.1  # step of the simulated link times w
 STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
 
 
@@ -39,73 +45,86 @@ def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarr
     return {j: change[:, [j]] for j in range(scene.joints) if np.abs(change[:, j]).max() > 0}
 
 
-def inertia(scene: Scene, joint: int) -> np.ndarray:
-    """The joint's own inertia (n,) along the motion, at least a tenth of its median."""
-    own = slopes(scene, joint)[2][:, joint]
-    return np.maximum(own, 0.1 * max(float(np.median(own)), 1e-12))
+def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
+    """The joint's own inertia (n,) along the motion, at least a tenth of its median, and that median [kg.m^2]."""
+    known = _SLOPES.setdefault(scene, {})
+    if ("inertia", joint) not in known:
+        own = slopes(scene, joint)[2][:, joint]
+        usual = max(float(np.median(own)), 1e-12)
+        known["inertia", joint] = np.maximum(own, 0.1 * usual), usual
+    return known["inertia", joint]
 
 
 class JointElasticity(Effect):
-    """The link follows its motor through a spring: a driven, damped oscillator.
+    """The link follows its motor through a spring; theta = (resonance w of the link [rad/s], damping ratio z, motor's share s of M).
 
-    M theta'' + 2 zeta w M theta' + theta / c = tau_rigid(q_motor), w^2 = 1 / (c M), q_link = q_motor - theta.
+    With the twist t = q_motor - q_link, M_l = (1 - s) M and the link's own torque tau_l = rigid torque - s M ddq:
+    M_l (t'' + 2 z w t' + w^2 t) + (d tau/d dq) t' + (d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the motion.
     """
 
     name = "joint_elasticity"
     title = "elastic joint"
-    equation = "q_link = q - theta, theta / c + damping + M theta'' = tau_rigid, tau = rigid torque at q_link"
+    equation = "q_link = q - t, M_l (w^2 t + 2 z w t') = torque of the link at q_link, tau = s M ddq + that torque"
     source = "Spong 1987, J. Dyn. Sys. Meas. Control 109"
-    unit = "rad/(N.m)"
+    unit = "1"
+    form = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
     sharp = False
     dynamic = True
     aliases = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
     needs = "fast excitation, or gravity that changes with the angle"
-    DAMPING = (0.05, 0.3)
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         return "" if scene.rigid_torque is not None else "the device has no equations of motion to bend"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        mass = float(np.median(inertia(scene, joints[0])))
-        resonances = np.array((0.5, 0.8, 1.2, 1.8, 3.0)) / scene.motion.widths.total
-        return tuple((float(1 / (mass * w**2)), z) for w in resonances for z in self.DAMPING)
+        return tuple((float(w), z, USUAL_SHARE) for w in _resonances(scene, 1.2) for z in (0.04, 0.15))
+
+    def continuous(self, theta):
+        return (0, 1, 2)
+
+    def moved(self, theta, index, step):
+        w, z, share, *gap = super().moved(theta, index, step)
+        return (w, float(np.clip(z, 0.005, 2.0)), float(np.clip(share, 0.02, 0.95)), *gap)
 
     def columns(self, scene, joints, theta):
-        compliance, damping = theta
-        mass = float(np.median(inertia(scene, joints[0])))
-        twist = resonant(scene, scene.rigid[:, joints[0]], 1 / np.sqrt(compliance * mass), damping)
-        return displaced(scene, joints[0], -twist)
+        w, z, share, *gap = theta
+        return behind(scene, joints[0], w, z, share, *gap)
 
     def labels(self, joints, theta):
-        return (per_joint("joint_compliance", joints),)
+        return ("share of the link's torque",)
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
-        return {per_joint("joint_compliance", estimate.joints): float(estimate.beta[0])}
+        """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the motion; gap [rad]."""
+        (w, z, _, *gap), joints = estimate.theta, estimate.joints
+        _, whole = inertia(estimate.scene, joints[0])
+        link = whole * float(np.clip(_links_part(estimate), 0.02, 0.98))
+        values = {"joint_compliance": 1 / (link * w**2), "motor_inertia": whole - link, "joint_damping": 2 * z * w * link}
+        return {per_joint(name, joints): value for name, value in (*values.items(), *zip(("backlash",), gap, strict=False))}
 
     def unphysical(self, estimate: Estimate) -> str:
-        if estimate.beta[0] < 0:
-            return "negative compliance"
-        return "" if 0.3 < estimate.beta[0] / estimate.theta[0] < 3 else "the static and the dynamic compliance disagree"
+        part = _links_part(estimate)
+        return "" if 0.1 < part < 1.3 else f"the link would have {part:.2g} times the joint's inertia"
 
 
-def resonant(scene: Scene, x: np.ndarray, frequency: float, damping: float) -> np.ndarray:
-    """x (n,) through w^2 / (s^2 + 2 z w s + w^2) in each run, from rest at the first value (bilinear)."""
-    from scipy.signal import bilinear, lfilter, lfilter_zi
-
-    b, a = bilinear([frequency**2], [1.0, 2 * damping * frequency, frequency**2], 1 / scene.motion.step)
-    start = lfilter_zi(b, a)
-    return scene.motion.per_run(lambda part: lfilter(b, a, part, zi=start * part[0])[0], x)
+def _links_part(estimate: Estimate) -> float:
+    """The link's part of the joint's inertia."""
+    return float((1 - estimate.theta[2]) * estimate.beta[0])
 
 
-class Backlash(Effect):
-    """The link lies against one side of a gap, leaves it where the motor would have to pull, and coasts to the other side."""
+def _resonances(scene: Scene, ratio: float) -> np.ndarray:
+    """Resonances [rad/s] to try, from `SLOWEST` to where the filter ends."""
+    top = max(3.0 / scene.motion.widths.total, 2 * SLOWEST)
+    return np.geomspace(SLOWEST, top, 1 + int(np.log(top / SLOWEST) / np.log(ratio)))
+
+
+class Backlash(JointElasticity):
+    """As the elastic joint, with a gap in which nothing is transmitted; theta = (w, z, s, gap [rad])."""
 
     name = "backlash"
     title = "backlash"
-    equation = "|q_motor - q_link| <= gap / 2; free: M ddq_link = what gravity gives; touching: the link moves with the motor"
+    equation = "|q_motor - q_link| <= gap / 2: the link moves freely; beyond: as an elastic joint"
     source = "Nordin, Gutman 2002, Automatica 38(10)"
-    unit = "rad"
-    dynamic = True
+    sharp = True
     aliases = (Alias("joint_elasticity", _OTHER), Alias("hysteresis", _OTHER), Alias("time_delay", _OTHER))
     needs = "a transmitted torque that changes sign"
 
@@ -117,48 +136,29 @@ class Backlash(Effect):
         return "the transmitted torque hardly changes sign" if share < 0.02 else ""
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        return tuple((float(g),) for g in scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 6))
+        gaps = scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 7)
+        return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.05, 0.3) for g in gaps)
 
-    def columns(self, scene, joints, theta):
-        gaps = _gaps(scene, joints[0], self.grid(scene, joints) if theta in self.grid(scene, joints) else (theta,))
-        return displaced(scene, joints[0], gaps[theta] / theta[0])
-
-    def labels(self, joints, theta):
-        return (per_joint("backlash", joints),)
-
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
-        return {per_joint("backlash", estimate.joints): float(estimate.beta[0])}
-
-    def unphysical(self, estimate: Estimate) -> str:
-        if estimate.beta[0] < 0:
-            return "negative gap"
-        return "" if 0.4 < estimate.beta[0] / estimate.theta[0] < 2.5 else "the height and the width of the gap disagree"
+    def continuous(self, theta):
+        return (3, 0, 1, 2)
 
 
-def _gaps(scene: Scene, joint: int, thetas: tuple[Theta, ...]) -> dict[Theta, np.ndarray]:
-    """q_link - q_motor (n,) of each gap, all simulated in one pass and kept for the scene."""
-    known = _SLOPES.setdefault(scene, {})
-    missing = tuple(t for t in thetas if ("gap", joint, t) not in known)
-    if missing:
-        found = follow(scene, joint, np.array([t[0] for t in missing]))
-        known |= {("gap", joint, t): found[:, k] for k, t in enumerate(missing)}
-    return {t: known["gap", joint, t] for t in thetas}
+def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: float = 0.0) -> dict[int, np.ndarray]:
+    """Columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less torque without."""
+    motion, (mass, _) = scene.motion, inertia(scene, joint)
+    by_q, by_dq, _ = slopes(scene, joint)
+    torque = scene.rigid[:, joint] - share * mass * motion.ddq[:, joint]
+    along = [np.ascontiguousarray(x) for x in ((1 - share) * mass, by_dq[:, joint], by_q[:, joint], torque)]
+    twist, transmitted = np.empty((2, len(torque)))
+    substeps = int(np.ceil(motion.step * w / SMALL))
+    for a, b in motion.bounds:
+        _library().link_behind(b - a, c_double(motion.step), substeps, *(x[a:].ctypes.data_as(c_void_p) for x in along), c_double(w), c_double(z),
+                 c_double(gap), *(x[a:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
+    return displaced(scene, joint, -twist) | {joint: (transmitted - torque)[:, None]}
 
 
-def follow(scene: Scene, joint: int, gaps: np.ndarray) -> np.ndarray:
-    """q_link - q_motor (n, k) for gaps (k,): a mass that a motor pushes from either side, impacts without rebound."""
-    m, h = scene.motion, scene.motion.step
-    pull = (scene.rigid[:, joint] / inertia(scene, joint))  # acceleration that the motor gives the link while they touch
-    out = np.empty((len(m.time), len(gaps)))
-    half = gaps / 2
-    for a, b in m.bounds:
-        side = -np.sign(pull[a] or 1.0) * half
-        speed = np.zeros_like(half)
-        for k, push in enumerate(pull[a:b].tolist(), start=a):
-            speed = speed - push * h  # of the link against the motor, were it free
-            free = side + speed * h
-            touch = np.abs(free) >= half
-            side = np.minimum(np.maximum(free, -half), half)
-            speed = np.where(touch, 0.0, speed)
-            out[k] = side
-    return out
+@lru_cache
+def _library() -> CDLL:
+    from build_fmus.library import library_path
+
+    return CDLL(str(library_path("link")))

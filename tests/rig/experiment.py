@@ -56,7 +56,7 @@ def references(experiments, time):
     return ref, rate
 
 
-def record(plants, experiments, duration=60.0, substeps=4):
+def record(plants, experiments, duration=30.0, substeps=2):
     """Measured runs, one for each plant and experiment; rigid and elastic arms are integrated as one batch each."""
     runs = [None] * len(plants)
     soft = [bool((np.asarray(p.compliance) > 0).any()) for p in plants]

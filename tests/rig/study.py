@@ -5,9 +5,7 @@ the seeds used here: the rule was set on seeds below 1000, the studies use seeds
 """
 
 import argparse
-import json
 import time
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +47,7 @@ def upper_bound(hits, count):
 def nulls(options):
     """False claims on complete models."""
     seeds = range(options.first, options.first + options.count)
-    out = run_all([complete(s) for s in seeds], [experiment(s) for s in seeds], options.duration, options.workers)
+    out = _run([(complete(s), experiment(s)) for s in seeds], options)
     good = [o for o in out if o.good]
     wrong = [o for o in good if o.verdict != "model_complete"]
     print(f"complete models: {len(good)}, false claims: {sum(o.verdict == 'effect_found' for o in good)}, "
@@ -63,7 +61,11 @@ def nulls(options):
 
 def _detect(names, sizes, seeds, options):
     tasks = [(hidden(n, a, s), experiment(s)) for n in names for a in sizes for s in seeds]
-    return run_all([c for c, _ in tasks], [e for _, e in tasks], options.duration, options.workers)
+    return _run(tasks, options)
+
+
+def _run(tasks, options):
+    return run_all(tasks, options.duration, options.workers, options.out)
 
 
 def detection(options):
@@ -116,7 +118,7 @@ def pairs(options):
     """Two effects at once."""
     seeds = range(options.first, options.first + options.count)
     tasks = [(two(a, b, options.size, s), experiment(s)) for a, b in PAIRS for s in seeds]
-    out = run_all([c for c, _ in tasks], [e for _, e in tasks], options.duration, options.workers)
+    out = _run(tasks, options)
     for a, b in PAIRS:
         group = [o for o in out if o.label == f"{a}+{b}" and o.good]
         one = sum(any(o.hit(n, j) for n, j in o.truth.items()) for o in group)
@@ -133,7 +135,7 @@ def beyond(options):
     """Effects that no library has: unexplained with the right signals, no wrong name."""
     seeds = range(options.first, options.first + options.count)
     tasks = [(outside(n, options.size, s), experiment(s)) for n in OUTSIDE for s in seeds]
-    out = run_all([c for c, _ in tasks], [e for _, e in tasks], options.duration, options.workers)
+    out = _run(tasks, options)
     for name, (_, signals) in OUTSIDE.items():
         group = [o for o in out if o.label == name and o.good]
         named = [f[0] for o in group for f in o.found]
@@ -164,7 +166,7 @@ def viscosity(options):
         cases.append(Case("stribeck plant", replace(plant, stribeck=0.4 * COULOMB, stribeck_velocity=np.full(3, 0.6)),
                           {"stribeck": {1, 2, 3}}))
         cases.append(Case("chatter plant", replace(plant, law=SIGN), {}))
-    out = run_all(cases, [experiment(s) for s in seeds for _ in range(2)], options.duration, options.workers)
+    out = _run(list(zip(cases, [experiment(s) for s in seeds for _ in range(2)], strict=True)), options)
     for label in ("stribeck plant", "chatter plant"):
         group = [o for o in out if o.label == label and o.good]
         negative = np.mean([v < 0 for o in group for v in o.viscous])
@@ -178,19 +180,17 @@ def main():
     parser.add_argument("study", choices=("nulls", "detection", "pairs", "outside", "viscosity"))
     parser.add_argument("--count", type=int, default=20, help="seeds a case")
     parser.add_argument("--first", type=int, default=1000, help="first seed")
-    parser.add_argument("--duration", type=float, default=60.0)
+    parser.add_argument("--duration", type=float, default=30.0)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--sizes", type=float, nargs="+", default=list(SIZES))
     parser.add_argument("--size", type=float, default=3.0)
     parser.add_argument("--effects", nargs="+")
-    parser.add_argument("--out", type=Path, help="JSON lines of all outcomes")
+    parser.add_argument("--out", type=Path, help="JSON lines of all outcomes, kept as they come; a study that was stopped goes on from it")
     options = parser.parse_args()
     start = time.time()
     study = {"nulls": nulls, "detection": detection, "pairs": pairs, "outside": beyond, "viscosity": viscosity}[options.study]
     out: list[Outcome] = study(options)
     print(f"{len(out)} runs in {time.time() - start:.0f} s")
-    if options.out:
-        options.out.write_text("\n".join(json.dumps(asdict(o)) for o in out) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
 """One trial: a rig's run through the tool, and what came of it beside what was hidden."""
 
+import json
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -82,19 +84,30 @@ def judge(task) -> dict:
     return asdict(out)
 
 
-def run_all(cases: list[Case], experiments: list[Experiment], duration: float, workers: int = 1, batch: int = 250, tell=print):
-    """Outcomes of all cases: simulated in batches, judged in `workers` processes."""
+def run_all(tasks: list[tuple[Case, Experiment]], duration: float, workers: int = 1, out: Path | None = None, batch: int = 250, tell=print):
+    """Outcomes of all tasks: simulated in batches, judged in `workers` processes, each kept as a line of `out` at once.
+
+    Tasks that `out` holds already are not run again, so a study that was stopped goes on where it was.
+    """
     from tests.rig.experiment import record
 
-    out = []
-    for start in range(0, len(cases), batch):
-        part, settings = cases[start : start + batch], experiments[start : start + batch]
-        runs = record([c.plant for c in part], settings, duration)
-        tasks = zip(runs, part, settings, strict=True)
-        if workers > 1:
-            with ProcessPoolExecutor(workers) as pool:
-                out += [Outcome(**r) for r in pool.map(judge, tasks, chunksize=4)]
-        else:
-            out += [Outcome(**judge(task)) for task in tasks]
-        tell(f"  {len(out)} of {len(cases)}")
-    return out
+    done = {key(o): o for o in (Outcome(**json.loads(line)) for line in out.read_text().splitlines())} if out and out.exists() else {}
+    wanted = [(case.label, case.size, experiment.seed) for case, experiment in tasks]
+    left = [task for task, name in zip(tasks, wanted, strict=True) if name not in done]
+    with ProcessPoolExecutor(workers) as pool:
+        for start in range(0, len(left), batch):
+            part = left[start : start + batch]
+            runs = record([case.plant for case, _ in part], [experiment for _, experiment in part], duration)
+            for result in pool.map(judge, [(run, *task) for run, task in zip(runs, part, strict=True)]):
+                outcome = Outcome(**result)
+                done[key(outcome)] = outcome
+                if out:
+                    with out.open("a") as lines:
+                        lines.write(json.dumps(result) + "\n")
+            tell(f"  {start + len(part)} of {len(left)}")
+    return [done[name] for name in wanted]
+
+
+def key(outcome: Outcome) -> tuple[str, float, int]:
+    """What tells one trial of a study from the others."""
+    return outcome.label, outcome.size, outcome.seed

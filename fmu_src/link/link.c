@@ -1,0 +1,37 @@
+/* The link behind an elastic joint with a gap, driven by the recorded motion of its motor (cosim/effects/transmission.py).
+ *
+ *   mass (t'' + contact) + drag t' + spring t = torque,   contact = w^2 dead(t) + 2 z w t' while the gap is closed,
+ *   dead(t) = t - clamp(t, -gap/2, gap/2)
+ *
+ * t = q_motor - q_link (rad); mass, drag, spring, torque (n): of the link along the motion, linearised about the motor's angle. Euler's
+ * semi-implicit rule with `substeps` steps per sample of h seconds, from rest against the side that the torque pushes to.
+ * twist (n): t; transmitted (n): mass * contact (N m).
+ */
+#include <math.h>
+
+#if defined(_WIN32)
+__declspec(dllexport)
+#else
+__attribute__((visibility("default")))
+#endif
+void link_behind(int n, double h, int substeps, const double *mass, const double *drag, const double *spring,
+                 const double *torque, double w, double z, double gap, double *twist, double *transmitted) {
+    const double half = 0.5 * gap, dt = h / substeps;
+    double t = torque[0] / (mass[0] * w * w), rate = 0;
+    t += t > 0 ? half : -half;
+    for (int k = 0; k < n; k++) {
+        const int next = k + 1 < n ? k + 1 : k;
+        double contact = 0;
+        for (int s = 0; s < substeps; s++) {
+            const double beyond = t > half ? t - half : t < -half ? t + half : 0;
+            contact = half == 0 || beyond != 0 ? w * w * beyond + 2 * z * w * rate : 0;
+            if (s == 0) {
+                twist[k] = t;
+                transmitted[k] = mass[k] * contact;
+            }
+            const double now = torque[k] + (torque[next] - torque[k]) * s / substeps;
+            rate += dt * ((now - drag[k] * rate - spring[k] * t) / mass[k] - contact);
+            t += dt * rate;
+        }
+    }
+}

@@ -1,5 +1,6 @@
 """Instances of real FMUs through cosim.fmu: files, both versions side by side, errors in the FMU's own words."""
 
+import ctypes
 import shutil
 import zipfile
 
@@ -8,8 +9,10 @@ import pytest
 
 from build_fmus.build import fmu_path
 from cosim.errors import InputError, RunError
+from cosim.execution import execute
 from cosim.fmu import describe, extracted, load, open_system, read_columns
 from cosim.master import run
+from cosim.outcome import Outcome
 from cosim.scenario import load_scenario, with_parameters
 
 
@@ -119,3 +122,40 @@ def test_columns_of_a_recording(tmp_path):
     path.write_text("time,a\n0,x\n")
     with pytest.raises(InputError, match="numbers"):
         read_columns(path, ["a"])
+
+
+STEP_2 = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+STEP_3 = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_void_p] * 4)
+
+
+def cutting(fmi, early):
+    """A doStep that carries out nothing and stops in the middle of the step from 5 ms on."""
+
+    def step(component, time, size, *rest):
+        if time < 0.005:
+            return 0
+        if fmi == 3:
+            ctypes.c_bool.from_address(rest[3]).value = early
+            ctypes.c_double.from_address(rest[4]).value = time + size / 2
+        return 0 if early else 2
+
+    return (STEP_2 if fmi == 2 else STEP_3)(step)
+
+
+@pytest.mark.parametrize("executor", [None, execute], ids=["C", "Python"])
+@pytest.mark.parametrize(("fmi", "early", "status", "how"), [
+    (2, False, lambda kind: 0.0055, "discarded at t = 0.0055 s"),
+    (2, False, None, "discarded at a time that the FMU does not tell"),
+    (3, False, None, "discarded at t = 0.0055 s"),
+    (3, True, None, "returned early, which was not allowed, at t = 0.0055 s"),
+])  # fmt: skip
+def test_a_step_cut_short_is_told(fmi, early, status, how, executor):
+    made = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 0.01, "experiment.record_every": 1, "experiment.fmi": fmi})
+    with open_system(made) as system:
+        slave, step = system.slave("controller_r", system.wiring(made).descriptions["controller_r"]), cutting(fmi, early)
+        slave.fmu._functions[f"fmi{fmi}DoStep"] = step
+        slave.fmu.getRealStatus = status
+        result = run(made, system, executor=executor)
+    assert result.outcome is Outcome.FAILED and len(result.time) == 6
+    words = f"FMU controller_r at t = 0.005 s: step cut short, {how}; take a shorter communication step"
+    assert result.message == f"{words} (experiment.step, or controller_r.step_multiple)"

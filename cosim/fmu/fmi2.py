@@ -84,10 +84,10 @@ class Fmi2Slave(FmuSlave):
         try:
             if self.fmu.getBooleanStatus(3):
                 return False
-            reached = f"reached t = {self.fmu.getRealStatus(2):.9g} s only"
+            reached = f"discarded at t = {self.fmu.getRealStatus(2):.9g} s"
         except Exception:  # status functions are optional, and fmpy raises for each that is missing
-            reached = "reached part of it only"
-        raise self._error(f"step discarded, {reached}")
+            reached = "discarded at a time that the FMU does not tell"
+        raise self._cut_short(reached)
 
 
 _SPEAKERS: WeakValueDictionary[int, FmuSlave] = (

@@ -81,7 +81,8 @@ class Fmi3Slave(FmuSlave):
         return going
 
     def judge(self, status: int) -> bool:
-        if self.flags[2].value:
-            raise self._error(f"returned early, at t = {self.reached.value:.9g} s, though that was not allowed")
-        self.check(status, "step" if status != 2 else f"step, at t = {self.reached.value:.9g} s,")
+        if self.flags[2].value or status == 2:
+            how = "returned early, which was not allowed," if self.flags[2].value else "discarded"
+            raise self._cut_short(f"{how} at t = {self.reached.value:.9g} s")
+        self.check(status, "step")
         return not self.flags[1].value

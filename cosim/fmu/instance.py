@@ -182,6 +182,11 @@ class FmuSlave(Slave):
         words = "; ".join(dict.fromkeys(self.messages))
         return RunError(self.name, self.time, f"{words} [{what}]" if words else what)
 
+    def _cut_short(self, reached: str) -> RunError:
+        """The error of a step that the FMU carried out in part only. It is not repeated: that needs the state before it."""
+        advice = f"take a shorter communication step (experiment.step, or {self.name}.step_multiple)"
+        return self._error(f"step cut short, {reached}; {advice}")
+
     def _log(self, status: int, text: bytes | None) -> None:
         if status > 0 and text:
             self.messages.append(text.decode("utf-8", "replace").strip())

@@ -15,7 +15,7 @@ from cosim.plots import canvas
 from cosim.plots.run import run_report
 from cosim.plots.wiring import block_diagram, place
 from cosim.report import Code, Figure, Report, Section, Table, render, write_report
-from cosim.scenario import Component, load_scenario
+from cosim.scenario import Component, load_scenario, with_parameters
 from cosim.summary import Judged
 
 
@@ -148,6 +148,12 @@ def test_gains_in_the_diagram_have_their_units(name, gains):
     with open_system(load_scenario(name)) as system:
         diagram = block_diagram(system.wiring(load_scenario(name)))
     assert all(diagram.count(f">{gain}<") == 2 for gain in gains)
+
+
+def test_gains_that_differ_are_shown_for_every_axis():
+    made = with_parameters(load_scenario("sallam-stable"), {"controller_l.stiffness": [150.0, 10.0, 10.0]})
+    with open_system(made) as system:
+        assert ">K 150, 10, 10 N/m<" in block_diagram(system.wiring(made))
 
 
 def test_thinned_figures_keep_the_page_small(judged):

@@ -294,11 +294,14 @@ def _facts(wiring: Wiring, name: str) -> list[str]:
     facts = [wiring.descriptions[name].model]
     if component.parameter_set:
         facts.append(f"set {component.parameter_set}")
-    variables = wiring.descriptions[name].variables
+    description = wiring.descriptions[name]
     for symbol, key in _GAINS:
-        if starts.get(key):
-            facts.append(f"{symbol} {starts[key]:g} {variables[key].unit.name.replace('.', '·')}")
-    law = variables.get("law")
+        axes = [axis for axis in description.elements(key) if axis in starts]
+        values = [f"{starts[axis]:g}" for axis in axes]
+        if any(starts[axis] for axis in axes):
+            unit = description.variables[axes[0]].unit.name.replace(".", "·")
+            facts.append(f"{symbol} {', '.join(values if len(set(values)) > 1 else values[:1])} {unit}")
+    law = description.variables.get("law")
     if law is not None and "law" in starts:
         facts.append(_delay(law.items[int(starts["law"]) - 1], starts))
     if component.step_multiple > 1:
@@ -306,7 +309,7 @@ def _facts(wiring: Wiring, name: str) -> list[str]:
     return [fact if len(fact) <= 22 else fact[:21] + "…" for fact in facts[:4]]
 
 
-_GAINS = [(symbol, f"{space}{name}[1]") for space in ("", "joint_") for symbol, name in (("K", "stiffness"), ("B", "damping"))]
+_GAINS = [(symbol, f"{space}{name}") for space in ("", "joint_") for symbol, name in (("K", "stiffness"), ("B", "damping"))]
 
 
 def _delay(law: str, starts: Mapping[str, object]) -> str:

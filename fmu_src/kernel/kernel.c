@@ -94,30 +94,30 @@ static inline void keep(double *p, real r) { memcpy(p, &r, sizeof r); }
 static inline mask none(void) { return real_of(0.0) > real_of(1.0); }
 
 /* ddq of PhantomArm's model.c, its plain branch, term by term in its order. */
-static inline void acceleration(Lane *a, const Component *c, const ArmPose p, const real dq[3], real ddq[3])
+static inline void acceleration(Lane *a, const Component *c, const ArmPose *p, const real dq[3], real ddq[3])
 {
     const real *n = a->numbers, *u = a->moved;
     real torque[3], force[3], part[3], coriolis[3], gravity[3], balance[3];
-    const ArmInertia inertia = arm_inertia(n, &p);
-    arm_torque_of_force(&p, u + 6, part);
+    const ArmInertia inertia = arm_inertia(n, p);
+    arm_torque_of_force(p, u + 6, part);
     for (int i = 0; i < 3; i++) torque[i] = u[i] + part[i];
     if (c->impedance) {
         real x[3], dx[3];
-        arm_position(&p, x);
-        arm_velocity(&p, dq, dx);
+        arm_position(p, x);
+        arm_velocity(p, dq, dx);
         for (int i = 0; i < 3; i++) force[i] = n[19 + i] * (u[9 + i] - x[i]) - n[22 + i] * dx[i];
-        arm_torque_of_force(&p, force, part);
+        arm_torque_of_force(p, force, part);
         for (int i = 0; i < 3; i++) torque[i] = torque[i] + part[i];
     }
-    torque[1] = torque[1] + n[8] * p.c2;
-    torque[2] = torque[2] + n[9] * p.s3;
+    torque[1] = torque[1] + n[8] * p->c2;
+    torque[2] = torque[2] + n[9] * p->s3;
     if (c->coulomb)
         for (int i = 0; i < 3; i++) torque[i] = torque[i] - arm_friction(n[10 + i], n[13 + i], n[16 + i], dq[i]);
     else if (c->viscous)
         for (int i = 0; i < 3; i++) torque[i] = torque[i] - n[10 + i] * dq[i];
-    arm_torque_of_force(&p, u + 3, part);
-    arm_coriolis(n, &p, dq, coriolis);
-    arm_gravity(n, &p, gravity);
+    arm_torque_of_force(p, u + 3, part);
+    arm_coriolis(n, p, dq, coriolis);
+    arm_gravity(n, p, gravity);
     for (int i = 0; i < 3; i++) balance[i] = torque[i] + part[i] - coriolis[i] - gravity[i];
     const mask ok = arm_positive_definite(&inertia, real_of(1e-5));
     arm_accelerate(&inertia, balance, ddq);
@@ -134,9 +134,8 @@ static inline void move_inputs(Lane *a, const Component *c, double offset)
     }
 }
 
-static inline void rates(Lane *a, const Component *c, const ArmPose p, double offset, const real s[6], real k[6])
+static inline void rates(Lane *a, const Component *c, const ArmPose *p, const real s[6], real k[6])
 {
-    move_inputs(a, c, offset);
     for (int i = 0; i < 3; i++) k[i] = s[3 + i];
     acceleration(a, c, p, s + 3, k + 3);
 }
@@ -144,13 +143,20 @@ static inline void rates(Lane *a, const Component *c, const ArmPose p, double of
 static void runge_kutta(Lane *a, const Component *c, int first, double offset, double h)
 {
     real s[6], k1[6], k2[6], k3[6], k4[6];
-    rates(a, c, first ? a->pose : arm_pose(a->state), offset, a->state, k1);
+    ArmPose p = first ? a->pose : arm_pose(a->state);
+    move_inputs(a, c, offset);
+    rates(a, c, &p, a->state, k1);
     for (int i = 0; i < 6; i++) s[i] = a->state[i] + 0.5 * h * k1[i];
-    rates(a, c, arm_pose(s), offset + 0.5 * h, s, k2);
+    p = arm_pose(s);
+    move_inputs(a, c, offset + 0.5 * h);
+    rates(a, c, &p, s, k2);
     for (int i = 0; i < 6; i++) s[i] = a->state[i] + 0.5 * h * k2[i];
-    rates(a, c, arm_pose(s), offset + 0.5 * h, s, k3);
+    p = arm_pose(s);
+    rates(a, c, &p, s, k3);
     for (int i = 0; i < 6; i++) s[i] = a->state[i] + h * k3[i];
-    rates(a, c, arm_pose(s), offset + h, s, k4);
+    p = arm_pose(s);
+    move_inputs(a, c, offset + h);
+    rates(a, c, &p, s, k4);
     for (int i = 0; i < 6; i++) a->state[i] = a->state[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
@@ -210,10 +216,10 @@ static void enter(Lane *a, const Component *c, double stamp, double offset)
     }
 }
 
-/* Record k of the samples entered: wired input i, for one lane. */
-static inline double past(const Component *c, int64_t k, int64_t i, int lane)
+/* Record k of the samples entered: wired inputs, LANES apart. */
+static inline const double *past(const Component *c, int64_t k)
 {
-    return c->history[((k & (c->capacity - 1)) * c->n_inputs + i) * LANES + lane];
+    return c->history + (k & (c->capacity - 1)) * c->n_inputs * LANES;
 }
 
 static inline double stamp(const Component *c, int64_t k) { return c->stamps[k & (c->capacity - 1)]; }
@@ -234,17 +240,21 @@ static void channel_step(Lane *a, const Component *c, int64_t done, double t, do
     enter(a, c, t, size);
     const int64_t newest = a->head - 1;
     const double rate = 1.0 / size;
+    double left[6][LANES], right[6][LANES], part[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         const double delay = c->series[lane][(done + 1) * c->series_step[lane]];
         const double target = t - delay;
         const int64_t k = find(c, newest, target, delay, rate);
         const double late = target - stamp(c, k), gap = k < newest ? stamp(c, k + 1) - stamp(c, k) : 0.0;
         const int between = c->linear && late > SAME && gap > SAME;
-        const double part = between ? late / gap : 0.0;
-        for (int64_t i = 0; i < c->n_inputs; i++) {
-            const double left = past(c, k, i, lane);
-            LANE(a->outputs[c->inputs[i]], lane) = between ? left + part * (past(c, k + 1, i, lane) - left) : left;
-        }
+        const double *one = past(c, k) + lane, *next = past(c, k + between) + lane;
+        part[lane] = between ? late / gap : 0.0;
+        for (int64_t i = 0; i < c->n_inputs; i++) left[i][lane] = one[i * LANES], right[i][lane] = next[i * LANES];
+    }
+    const real p = load(part);
+    for (int64_t i = 0; i < c->n_inputs; i++) {
+        const real l = load(left[i]), r = load(right[i]);
+        a->outputs[c->inputs[i]] = choose(p > 0.0, l + p * (r - l), l);
     }
 }
 
@@ -258,9 +268,12 @@ static void channel_start(Lane *a, const Component *c)
 
 static void series_outputs(Lane *a, const Component *c, int64_t row)
 {
-    for (int lane = 0; lane < LANES; lane++)
-        for (int64_t i = 0; i < c->n_series; i++)
-            LANE(a->outputs[i], lane) = c->series[lane][row * c->series_step[lane] * c->n_series + i];
+    double values[LANES];
+    for (int64_t k = 0; k < c->n_outputs; k++) {
+        for (int lane = 0; lane < LANES; lane++)
+            values[lane] = c->series[lane][row * c->series_step[lane] * c->n_series + c->outputs[k]];
+        a->outputs[c->outputs[k]] = load(values);
+    }
 }
 
 /* --- the schedule -------------------------------------------------------------------------------------------------- */
@@ -337,20 +350,20 @@ static void record(const Job *job, const int64_t *columns, int64_t done)
     }
 }
 
-/* Notes the lanes that end after `done` steps; how many still run. */
+/* Notes the lanes that end after `done` steps; whether any still runs. */
 static int watch(Job *job, const Lane *work, int64_t done)
 {
     mask fine = real_of(0.0) < real_of(1.0), inside = fine;
     for (int64_t i = 0; i < job->n_places; i++) fine = fine & (real_abs(load(job->store + i * LANES)) <= job->bound);
     for (int64_t i = 0; i < job->n_components; i++)
         if (job->components[i].kind == ARM) inside = inside & work[i].inside;
+    if (all(fine & inside)) return 1;
     int running = 0;
     for (int lane = 0; lane < LANES; lane++) {
         if (job->outcome[lane]) continue;
-        job->ended[lane] = done;
-        if (!LANE(fine, lane)) job->outcome[lane] = 1;
-        else if (!LANE(inside, lane)) job->outcome[lane] = 2;
-        else running++;
+        job->outcome[lane] = !LANE(fine, lane) ? 1 : !LANE(inside, lane) ? 2 : 0;
+        if (job->outcome[lane]) job->ended[lane] = done;
+        else running = 1;
     }
     return running;
 }
@@ -360,7 +373,7 @@ EXPORTED void run(Job *job, const int64_t *const *sources)
     Lane *work = job->work;
     prepare(job, work);
     initialise(job, work, sources);
-    for (int lane = 0; lane < LANES; lane++) job->outcome[lane] = job->ended[lane] = 0;
+    for (int lane = 0; lane < LANES; lane++) job->outcome[lane] = 0, job->ended[lane] = job->steps;
     record(job, job->phases[0].columns, 0);
     if (!watch(job, work, 0)) return;
     for (int64_t done = 0; done < job->steps; done++) {

@@ -74,7 +74,8 @@ def render(report: Report) -> str:
         loader=PackageLoader("cosim", "templates"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters.update(cell=cell, numeric=_numeric_columns, code=lambda value: isinstance(value, Code), paragraphs=_paragraphs, anchor=_anchor)
+    environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
+    environment.tests["code"] = lambda value: isinstance(value, Code)
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return environment.get_template("report.html.j2").render(report=report, made=made)
 

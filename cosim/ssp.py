@@ -2,7 +2,8 @@
 
 Read: components that are FMUs, connections between them, parameter values of component and system that stand inline or in
 .ssv files of the archive, stop time, the communication step of the Open Simulation Platform's annotation, and the master's
-algorithm of our own; what an archive does not say of these is a warning. Refused, by name: nested systems, parameter mappings, linear transformations, connections of the system's own connectors.
+algorithm of our own; what an archive does not say of these is a warning. Refused, by
+name: nested systems, parameter mappings, linear transformations, connections of the system's own connectors.
 """
 
 import hashlib

@@ -17,7 +17,7 @@ from cosim.export.container import write_container
 from cosim.export.export import export
 from cosim.export.structure import write_ssp
 from cosim.master import run
-from cosim.scenario import load_scenario, load_text, to_toml, with_parameters
+from cosim.scenario import load_scenario, load_text, to_toml
 
 STEP, STOP = 1e-3, 20.0
 WATCHED = [f"arm_{side}.q[{i}]" for side in "lr" for i in (1, 2, 3)]

@@ -143,7 +143,10 @@ def test_boxes_never_overlap(count):
     checked(block_diagram(wiring))
 
 
-@pytest.mark.parametrize(("name", "gains"), [("sallam-stable", ("K 0.25 N/m", "B 0.09 N·s/m")), ("sallam-joint", ("K 0.25 N·m/rad", "B 0.09 N·m·s/rad"))])
+@pytest.mark.parametrize(("name", "gains"), [
+    ("sallam-stable", ("K 0.25 N/m", "B 0.09 N·s/m")),
+    ("sallam-joint", ("K 0.25 N·m/rad", "B 0.09 N·m·s/rad")),
+])  # fmt: skip
 def test_gains_in_the_diagram_have_their_units(name, gains):
     with open_system(load_scenario(name)) as system:
         diagram = block_diagram(system.wiring(load_scenario(name)))

@@ -29,6 +29,7 @@ _REPEATED = ("--test", "--platform")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it; our matrices are small, a second thread only waits
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = _repeated([word for word in words if word != "--debug"])

@@ -20,6 +20,7 @@ CASES = {
     "complete smooth": complete(9),
     "complete sign": complete(10),
     "stribeck": hidden("stribeck", SIZE, 12),
+    "viscous_asymmetry": hidden("viscous_asymmetry", SIZE, 13),
     "position_torque": hidden("position_torque", SIZE, 12),
     "hysteresis": hidden("hysteresis", SIZE, 13),
     "torque_ripple": hidden("torque_ripple", SIZE, 12),

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import field, frozen
 from scipy.linalg import eig, eigvals
 
-_ORDERS = (16, 24, 36, 54, 80, 120)
+_ORDERS = (10, 16, 24, 36, 54, 80, 120)
 _POLISH = 40
 
 

@@ -110,7 +110,8 @@ class LocalPool(Workers):
         self.staff = [_Worker(first) for _ in range(max(1, count))]
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
-        todo = deque(chunked(points, size))
+        share = -(-len(points) // len(self.staff))
+        todo = deque(chunked(points, min(size, max(1, share))))
         while todo or any(worker.chunk for worker in self.staff):
             for worker in self.staff:
                 if worker.chunk is None and todo:

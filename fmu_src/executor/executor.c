@@ -158,9 +158,8 @@ static int within_bounds(const Job *job)
     return 1;
 }
 
-static void record(Job *job, const Phase *phase, int64_t done)
+static void record(const Job *job, const Phase *phase, double *row)
 {
-    double *row = job->table + (size_t)((done / job->every - job->row_start) * job->n_columns);
     if (phase->in_order)
         memcpy(row, job->store + phase->columns[0], (size_t)job->n_columns * sizeof(double));
     else
@@ -230,28 +229,38 @@ EXPORTED int initialise(Job *job, const Start *starts, int64_t n_slaves)
     return 0;
 }
 
+static inline Slave *at_work(Job *job, const Operation *o)
+{
+    job->mark[1] = o->component;
+    return job->slaves + o->component;
+}
+
 /* Communication steps from mark[0] on until it is `until`, or until something ends the run. */
 EXPORTED int execute(Job *job, int64_t until)
 {
-    int64_t *const done = job->mark;
+    int64_t *const done = job->mark, rest = *done % job->every;
+    const Phase *phase = job->phases + *done % job->n_phases;
+    double *row = job->table + (*done / job->every + 1 - job->row_start) * job->n_columns;
     while (*done < until) {
-        const Phase *phase = job->phases + *done % job->n_phases;
         const double time = (double)*done * job->step_ns / 1e9;
-        int going = 1;
-        for (int64_t k = 0; k < phase->n_operations; k++) {
-            const Operation *o = phase->operations + k;
-            Slave *s = job->slaves + o->component;
-            job->mark[1] = o->component;
-            const int status = o->kind == SET ? set_inputs(s, o, job->store, job)
-                : o->kind == STEP             ? step_slave(s, time, o->size, job)
-                                              : get_outputs(s, job->store, job->n_outputs, job);
-            if (status > 1) {
-                job->status = status;
-                return CALL_FAILED;
-            }
-            if (status < 0) going = 0;
+        const Operation *o = phase->operations, *const end = o + phase->n_operations;
+        int status = 0, going = 1;
+        while (o < end && status <= 1) { /* a loop of its own for each kind: the processor then foresees the calls */
+            for (; o < end && o->kind == SET && status <= 1; o++) status = set_inputs(at_work(job, o), o, job->store, job);
+            for (; o < end && o->kind == STEP && status <= 1; o++)
+                if ((status = step_slave(at_work(job, o), time, o->size, job)) < 0) going = 0;
+            for (; o < end && o->kind == GET && status <= 1; o++) status = get_outputs(at_work(job, o), job->store, job->n_outputs, job);
         }
-        if ((*done + 1) % job->every == 0) record(job, phase, *done + 1);
+        if (status > 1) {
+            job->status = status;
+            return CALL_FAILED;
+        }
+        if (++rest == job->every) {
+            record(job, phase, row);
+            row += job->n_columns;
+            rest = 0;
+        }
+        if (++phase == job->phases + job->n_phases) phase = job->phases;
         ++*done;
         if (!going) return ENDED;
         if (!within_bounds(job)) return OUT_OF_BOUNDS;

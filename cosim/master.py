@@ -159,8 +159,7 @@ class Timetable:
     @property
     def rows(self) -> int:
         """Rows of a whole run."""
-        experiment = self.wiring.scenario.experiment
-        return experiment.steps // experiment.record_every + 1
+        return self.wiring.scenario.experiment.rows
 
     def result(self, wiring: Wiring, rows: Rows, ending: Ending, wall: float) -> Result:
         """The result of a run of `wiring`, which may differ from the timetable's in start values: rows (rows, names)."""

@@ -5,10 +5,13 @@ again, so that a long run needs no more of it than a short one. The file is gone
 """
 
 import mmap
+import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+
+from cosim.errors import InputError, Problem
 
 IN_MEMORY = 32 << 20
 """Bytes up to which a table lies in memory."""
@@ -16,10 +19,15 @@ _BLOCK = 4 << 20  # bytes handled at once
 
 
 class Rows:
-    """A table (rows, columns) of doubles. `values` is an array of it; `drop` and `blocks` keep a large one out of memory."""
+    """A table (rows, columns) of doubles. `values` is an array of it; `drop` and `blocks` keep a large one out of memory.
+
+    Raises InputError where neither memory nor disk can hold it.
+    """
 
     def __init__(self, rows: int, columns: int, in_memory: int = IN_MEMORY) -> None:
         size = 8 * rows * columns
+        if size > in_memory and size > (free := shutil.disk_usage(tempfile.gettempdir()).free):
+            raise InputError(_too_large(rows, columns, free))
         self.file = _file(size) if size > in_memory else None
         flat = np.empty(rows * columns) if self.file is None else np.frombuffer(self.file)
         self.values = flat.reshape(rows, columns)
@@ -77,6 +85,14 @@ class Rows:
         start, stop = first * width // mmap.PAGESIZE * mmap.PAGESIZE, last * width // mmap.PAGESIZE * mmap.PAGESIZE
         if stop > start:
             self.file.madvise(mmap.MADV_DONTNEED, start, stop - start)
+
+
+def _too_large(rows: int, columns: int, free: int) -> Problem:
+    return Problem(
+        "experiment", f"a table of at most {free / 1e9:.3g} GB, which is what {tempfile.gettempdir()} has room for",
+        f"{rows} rows x {columns} signals = {8 * rows * columns / 1e9:.3g} GB",
+        "raise experiment.record_every, shorten experiment.stop, or let TMPDIR name a larger disk",
+    )  # fmt: skip
 
 
 def _file(size: int) -> mmap.mmap:

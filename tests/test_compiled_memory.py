@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from cosim.errors import InputError
 from cosim.fmu import open_system
 from cosim.master import run
 from cosim.results import export_csv, read_h5, write_h5
@@ -88,6 +89,11 @@ def test_a_table_on_disk_reads_like_one_in_memory():
             assert np.array_equal(rows.columns(4, count, every), values[:count:every, 4])
             assert np.array_equal(rows.columns([5, 2], count, every), values[:count:every][:, [5, 2]])
         assert np.array_equal(np.concatenate([part for _, part in rows.blocks(60_000)]), values[:60_000])
+
+
+def test_a_table_larger_than_the_disk_is_refused_in_words():
+    with pytest.raises(InputError, match=r"200000000001 rows x 87 signals = 1\.39e\+05 GB; raise experiment.record_every"):
+        run(with_parameters(load_scenario("sallam-nodelay"), {"experiment.stop": 1e9}))
 
 
 def test_results_of_a_run_on_disk(tmp_path, monkeypatch):

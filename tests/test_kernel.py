@@ -134,6 +134,12 @@ def test_refusals_in_words(words):
         assert kernel.refusal(system.wiring(scenario), RECORD) == words
 
 
+def test_leaves_long_runs_to_the_executor_whose_table_may_lie_on_disk():
+    scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 1e7})
+    with open_system(scenario) as system:
+        assert "GB of memory" in kernel.refusal(system.wiring(scenario), RECORD)
+
+
 def test_refuses_loops_that_it_does_not_compute():
     with open_system(load_scenario("contact")) as system:
         assert "feels what is wired into it" in kernel.refusal(system.wiring(load_scenario("contact")), [])

@@ -66,6 +66,14 @@ def test_a_boundary_needs_numeric_axes(tmp_path):
         load_sweep(str(path))
 
 
+def test_more_points_than_fit_in_memory_are_refused(tmp_path):
+    axes = "".join(f'[[axes]]\nname = "{n}"\npaths = ["a.{n}"]\nlow = 0\nhigh = 1\ncount = 3000\n' for n in "bc")
+    for design, count in (("[grid]\n", 9_000_000), ("[random]\ncount = 2000000\n", 2_000_000)):
+        (tmp_path / "big.toml").write_text(f'scenario = "x"\n{axes}{design}')
+        with pytest.raises(InputError, match=f"at most 1000000, got {count}"):
+            load_sweep(str(tmp_path / "big.toml"))
+
+
 def test_axes_reach_their_ends_exactly_and_turn_back():
     axis = Axis("k", paths=("a.b",), low=0.1, high=10.0, scale=Scale.LOG, count=5)
     assert axis.steps()[0] == 0.1 and axis.steps()[-1] == 10.0

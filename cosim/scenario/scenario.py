@@ -54,6 +54,11 @@ class Experiment:
         """Number of communication steps."""
         return round(self.stop * NANOSECONDS / self.step_ns)
 
+    @property
+    def rows(self) -> int:
+        """Number of communication points recorded, t = 0 included."""
+        return self.steps // self.record_every + 1
+
 
 @frozen
 class Component:

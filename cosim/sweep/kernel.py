@@ -49,6 +49,7 @@ _MOST_OUTPUTS = 12  # of a series
 _LEAST_BOUND = 1e5
 """The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
 _NO_BOUND = 1e300
+_MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
 _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
 
 
@@ -112,6 +113,9 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
     if wiring.scenario.experiment.bound < _LEAST_BOUND:
         return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
+    kept = sum(name in record or stem(name) in record for name in wiring.signals)
+    if (size := 8 * _level()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
+        return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
     parts = _Part.all(wiring)
     places = _Places.of(wiring, parts, record)
     for part in parts:
@@ -380,7 +384,7 @@ class _Call:
         self.experiment = self.wiring.scenario.experiment
         self.timetable = Timetable.of(self.wiring, record)
         self.arena = Arena()
-        self.rows = self.experiment.steps // self.experiment.record_every + 1
+        self.rows = self.experiment.rows
         self.table = np.zeros((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
         self.job = self._job()

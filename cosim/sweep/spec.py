@@ -19,6 +19,7 @@ trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enum
 import tomllib
 from collections.abc import Mapping
 from enum import Enum
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,11 @@ class Axis:
             return [float(v) for v in self.values]
         return [self.number(k / (self.count - 1)) for k in range(self.count)] if self.count > 1 else [self.low]
 
+    @property
+    def entries(self) -> int:
+        """How many entries a grid has along the axis."""
+        return len(self.choices or self.values) or self.count
+
     def random(self, rng: np.random.Generator) -> object:
         """A uniform random entry (in the axis's scale)."""
         if self.choices or self.values:
@@ -156,6 +162,7 @@ _DESIGNS = {
     "boundary": BoundaryDesign,
     "level_set": LevelSet,
 }
+_MOST_POINTS = 1_000_000
 CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
 
 
@@ -292,7 +299,8 @@ def _axis_problems(axes: list[Axis], where: str) -> list[Problem]:
 def _design_problems(design: Design, axes: list[Axis], where: str) -> list[Problem]:
     numeric = [axis.name for axis in axes if axis.numeric and not axis.values]
     if not hasattr(design, "trace"):
-        return []
+        count = getattr(design, "count", prod(axis.entries for axis in axes))
+        return [Problem(f"{where}: points", f"at most {_MOST_POINTS}", str(count), "lower a count")] if count > _MOST_POINTS else []
     problems = [Problem(f"{where}: trace", "numeric axes with low and high", repr(name), did_you_mean(name, numeric))
                 for name in design.trace if name not in numeric]  # fmt: skip
     wanted = (1, 2) if isinstance(design, BoundaryDesign) else (2,)

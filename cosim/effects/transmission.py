@@ -16,7 +16,7 @@ _OTHER = "an encoder on the link, or excitation near the resonance"
 _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
-STIFF = (60.0, 130.0, 280.0, 600.0)  # rad/s, of a link against the side of a gap
+STIFF = (60.0, 130.0, 280.0, 600.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
 SMALL = 0.1  # step of the simulated link times w
 STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
 
@@ -91,7 +91,7 @@ class JointElasticity(Effect):
         return behind(scene, joints[0], w, z, share, *gap)
 
     def labels(self, joints, theta):
-        return ("share of the link's torque",)
+        return ("share of the link's torque", "angle at the start", "speed at the start")
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
         """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the motion; gap [rad]."""
@@ -137,23 +137,42 @@ class Backlash(JointElasticity):
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         gaps = scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 7)
-        return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.05, 0.3) for g in gaps)
+        return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.15, 0.6) for g in gaps)
 
     def continuous(self, theta):
         return (3, 0, 1, 2)
 
+    def labels(self, joints, theta):
+        return ("share of the link's torque",)
+
 
 def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: float = 0.0) -> dict[int, np.ndarray]:
-    """Columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less torque without."""
+    """Columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less torque without.
+
+    From rest against the side that the torque pushes to. Without a gap everything is linear, and two more columns are what the link adds
+    that swings at the start of the first run, by its angle and by its speed.
+    """
     motion, (mass, _) = scene.motion, inertia(scene, joint)
     by_q, by_dq, _ = slopes(scene, joint)
     torque = scene.rigid[:, joint] - share * mass * motion.ddq[:, joint]
-    along = [np.ascontiguousarray(x) for x in ((1 - share) * mass, by_dq[:, joint], by_q[:, joint], torque)]
+    link = [np.ascontiguousarray(x) for x in ((1 - share) * mass, by_dq[:, joint], by_q[:, joint])]
+    rest = [(torque[a] / (link[0][a] * w**2) + np.copysign(gap / 2, torque[a]), 0.0) for a, _ in motion.bounds]
+    parts = [_swung(scene, joint, link, torque, (w, z, gap), rest)]
+    if gap == 0:
+        size = float(np.std(torque)) / (float(np.median(link[0])) * w**2)
+        still = [(0.0, 0.0)] * (len(motion.bounds) - 1)
+        parts += [_swung(scene, joint, link, 0 * torque, (w, z, 0.0), [first, *still]) for first in ((size, 0.0), (0.0, w * size))]
+    return {j: np.concatenate([part[j] for part in parts], axis=1) for j in parts[0]}
+
+
+def _swung(scene: Scene, joint: int, link: list[np.ndarray], torque: np.ndarray, spring: tuple, starts: list) -> dict[int, np.ndarray]:
+    """Columns of one swing of the link from the starts (twist, rate) of each run."""
+    motion, along = scene.motion, [*link, np.ascontiguousarray(torque)]
     twist, transmitted = np.empty((2, len(torque)))
-    substeps = int(np.ceil(motion.step * w / SMALL))
-    for a, b in motion.bounds:
-        _library().link_behind(b - a, c_double(motion.step), substeps, *(x[a:].ctypes.data_as(c_void_p) for x in along), c_double(w), c_double(z),
-                 c_double(gap), *(x[a:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
+    substeps = int(np.ceil(motion.step * spring[0] / SMALL))
+    for (a, b), start in zip(motion.bounds, starts, strict=True):
+        _library().link_behind(b - a, c_double(motion.step), substeps, *(x[a:].ctypes.data_as(c_void_p) for x in along),
+                               *map(c_double, (*spring, *start)), *(x[a:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
     return displaced(scene, joint, -twist) | {joint: (transmitted - torque)[:, None]}
 
 

@@ -4,7 +4,7 @@
  *   dead(t) = t - clamp(t, -gap/2, gap/2)
  *
  * t = q_motor - q_link (rad); mass, drag, spring, torque (n): of the link along the motion, linearised about the motor's angle. Euler's
- * semi-implicit rule with `substeps` steps per sample of h seconds, from rest against the side that the torque pushes to.
+ * semi-implicit rule with `substeps` steps per sample of h seconds, from t = start and t' = start_rate.
  * twist (n): t; transmitted (n): mass * contact (N m).
  */
 #include <math.h>
@@ -15,10 +15,10 @@ __declspec(dllexport)
 __attribute__((visibility("default")))
 #endif
 void link_behind(int n, double h, int substeps, const double *mass, const double *drag, const double *spring,
-                 const double *torque, double w, double z, double gap, double *twist, double *transmitted) {
+                 const double *torque, double w, double z, double gap, double start, double start_rate, double *twist,
+                 double *transmitted) {
     const double half = 0.5 * gap, dt = h / substeps;
-    double t = torque[0] / (mass[0] * w * w), rate = 0;
-    t += t > 0 ? half : -half;
+    double t = start, rate = start_rate;
     for (int k = 0; k < n; k++) {
         const int next = k + 1 < n ? k + 1 : k;
         double contact = 0;

@@ -1,4 +1,4 @@
-"""What sweeps cost: kernel against the fmpy loop, a map by brute force, a traced boundary, start-up, commands.
+"""What sweeps cost: kernel against the fmpy loop, a second core, a map by brute force, a traced boundary, start-up, commands.
 
     python -m tests.benchmarks.sweeps [--quick]
 
@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,9 @@ from cosim.master import run
 from cosim.scenario import load_scenario, with_parameters
 from cosim.stability.verdict import judge
 from cosim.sweep import kernel
-from cosim.sweep.evaluate import _signals
+from cosim.sweep.evaluate import EVALUATORS, _Seat, _signals
+from cosim.sweep.points import Finding, Point
+from cosim.sweep.pool import LocalPool, Task
 from tests.benchmarks.engines import Case, fmpy_lists, machine, timed
 
 PAPER = {
@@ -63,10 +66,9 @@ def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
     """Milliseconds of processor time of the parts of a sweep's point, and of the fmpy loop on the same scenario."""
     base = with_parameters(load_scenario("sallam-nodelay"), PAPER)
     loop = fmpy_lists(Case(with_parameters(base, {"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold"}), folder))
-    ends = [{"controller_*.stiffness": float(k), "channel_*.delay_mean": 0.3} for k in np.linspace(0.1, 1.0, kernel.lanes())]
     found: dict[str, list[float]] = {}
     with open_system(base) as system:
-        wirings = [system.wiring(with_parameters(base, values)) for values in ends]
+        wirings = [system.wiring(with_parameters(base, dict(p.values))) for p in places(kernel.lanes())]
         record = _signals(wirings[0])
         twins = kernel.run_batch([system.wiring(twin_of(w)) for w in wirings], record)
         run(base, system)
@@ -84,6 +86,35 @@ def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
     return [(name, statistics.median(values)) for name, values in found.items()]
 
 
+def places(count: int) -> list[Point]:
+    """Points of the map, gain and delay different in each."""
+    rng = np.random.default_rng(1)
+    gains, delays = np.linspace(0.1, 1.0, count), rng.permutation(np.linspace(0.05, 0.8, count))
+    return [Point((), (("controller_*.stiffness", float(k)), ("channel_*.delay_mean", float(d)))) for k, d in zip(gains, delays)]
+
+
+def batch(task: Task, points: Sequence[Point]) -> list[Finding]:
+    """An evaluator that runs the kernel alone."""
+    seats = [_Seat.of(task, point).wiring for point in points]
+    return [Finding(result.outcome.value) for result in kernel.run_batch(seats, _signals(seats[0]))]
+
+
+def cores(evaluator: str, rounds: int) -> float:
+    """How many times the points a second that two worker processes do of what one does, by the clock; median of rounds."""
+    task, points = Task(evaluator, "sallam-nodelay", PAPER), places(16 * kernel.lanes())
+    with LocalPool(1) as one, LocalPool(2) as two:
+        ratios = []
+        for _ in range(rounds + 1):
+            walls = []
+            for staff in (one, two):
+                began = time.perf_counter()
+                for _ in staff.answers(task, points, kernel.lanes()):
+                    pass
+                walls.append(time.perf_counter() - began)
+            ratios.append(walls[0] / walls[1])
+    return statistics.median(ratios[1:])  # the first loads
+
+
 def command(*words: str) -> tuple[float, float]:
     """Wall-clock and processor seconds of a command, its workers included."""
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
@@ -92,16 +123,21 @@ def command(*words: str) -> tuple[float, float]:
     return time.perf_counter() - began, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
+def best(sweep: Path, repeats: int = 3) -> tuple[float, float]:
+    """The shortest of some sweeps from the shell, two workers, each in a folder of its own."""
+    outs = [sweep.with_suffix(f".{k}") for k in range(repeats)]
+    return min(command("sweep", str(sweep), "--workers", "2", "--no-report", "--out", str(out)) for out in outs)
+
+
 def commands(folder: Path, count: int) -> list[tuple[str, float, float]]:
     (folder / "map.toml").write_text(SPEC.format(count=f"count = {count}", design="[grid]"))
     (folder / "traced.toml").write_text(SPEC.format(count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'))
-    quiet = ("--no-report", "--out")
-    run20 = ("run", "sallam-stable", "--set", "experiment.stop=20", *quiet)
+    run20 = ("run", "sallam-stable", "--set", "experiment.stop=20", "--no-report", "--out")
     return [
         ("cosim --help", *min(command("--help") for _ in range(3))),
         ("cosim run, 20 s, no report", *min(command(*run20, str(folder / "run")) for _ in range(3))),
-        ("boundary traced, two workers", *command("sweep", str(folder / "traced.toml"), "--workers", "2", *quiet, str(folder / "t"))),
-        (f"map {count} x {count}, two workers", *command("sweep", str(folder / "map.toml"), "--workers", "2", *quiet, str(folder / "m"))),
+        ("boundary traced, two workers", *best(folder / "traced.toml")),
+        (f"map {count} x {count}, two workers", *best(folder / "map.toml", 1)),
     ]
 
 
@@ -116,6 +152,9 @@ def main() -> None:
         print("| per 20 s scenario | processor ms | the fmpy loop takes times |\n|---|---|---|")
         for part, value in rows:
             print(f"| {part} | {value:.3g} | {loop / value:.3g} |")
+        print("\n| points a second, two worker processes against one | times |\n|---|---|")
+        for what, evaluator in (("kernel alone", "tests.benchmarks.sweeps:batch"), ("kernel, twin, verdict", EVALUATORS["simulation"])):
+            print(f"| {what} | {cores(evaluator, 2 if quick else 5):.3g} |", flush=True)
         print("\n| command | wall-clock s | processor s |\n|---|---|---|", flush=True)
         for words, wall, cpu in commands(Path(name), 20 if quick else 50):
             print(f"| {words} | {wall:.3g} | {cpu:.3g} |", flush=True)

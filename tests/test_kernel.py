@@ -87,7 +87,7 @@ def test_lanes_that_end_early_end_alone():
 @pytest.mark.parametrize("more", [0, 1, 3])
 def test_any_number_of_scenarios_and_workers(more):
     """Batches that do not fill the lanes, or overfill them; two threads give what one gives."""
-    count = kernel.lanes() + more if more < 3 else 3  # 3: the library for small batches
+    count = kernel.lanes() + more if more < 3 else 3
     scenarios = settings("sallam-stable", 0.2, *({"controller_*.stiffness": 0.1 + 0.01 * i} for i in range(count)))
     with open_system(scenarios[0]) as system:
         wirings = [system.wiring(scenario) for scenario in scenarios]
@@ -110,7 +110,7 @@ def test_bits_do_not_depend_on_the_width_of_the_lanes(flags, monkeypatch):
         wirings = [system.wiring(scenario) for scenario in scenarios]
         usual = kernel.run_batch(wirings, RECORD)
         library = ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *flags))))
-        monkeypatch.setattr(kernel, "_libraries", lambda: (kernel.prepared(library),))
+        monkeypatch.setattr(kernel, "_library", lambda: kernel.prepared(library))
         assert kernel.lanes() == int(flags[0].split("=")[1]) if flags else 1
         for a, b in zip(usual, kernel.run_batch(wirings, RECORD), strict=True):
             assert all(a.signals[name].tobytes() == b.signals[name].tobytes() for name in a.signals)
@@ -196,7 +196,7 @@ for fmi in (2, 3):
 print("done")
 """,
     "kernel": _SETUP + """
-kernel._libraries = lambda: (kernel.prepared(library),)
+kernel._library = lambda: kernel.prepared(library)
 with open_system(scenario) as system:
     wirings = [system.wiring(with_parameters(scenario, {"controller_*.stiffness": 0.1 * k, "arm_*.coulomb": 0.01 * (k % 2),
                                                          "arm_l.q_start[1]": 0.01 * k})) for k in range(1, 7)]

@@ -71,26 +71,25 @@ class _Job(ctypes.Structure):
     ]  # fmt: skip
 
 
-def _level() -> tuple[int, tuple[str, ...]]:
-    """Lanes that this machine runs best at once, and its processor level for the compiler (bits do not depend on them)."""
+def _vectors() -> tuple[int, tuple[str, ...]]:
+    """How many lanes this machine runs best, and its processor level for the compiler (bits do not depend on them)."""
     from build_fmus.compiler import this_platform
     from numpy._core._multiarray_umath import __cpu_features__ as has
 
     if this_platform().startswith("x86_64") and has.get("AVX512F") and has.get("AVX512_SKX"):
-        return 16, ("-march=x86_64_v4",)
+        return 8, ("-march=x86_64_v4",)
     if this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
-        return 8, ("-march=x86_64_v3",)
-    return 8, ()
+        return 4, ("-march=x86_64_v3",)
+    return 4, ()
 
 
 @cache
-def _libraries() -> tuple[ctypes.CDLL, ...]:
-    """The kernel for half as many lanes, which takes a small batch in little more than half the time, and for all."""
+def _library():
     from build_fmus.library import library_path
 
-    most, level = _level()
-    flags = [("-O3", "-fno-math-errno", f"-DREAL_LANES={width}", *level) for width in (most // 2, most)]
-    return tuple(prepared(ctypes.CDLL(str(library_path("kernel", some)))) for some in flags)
+    width, level = _vectors()
+    flags = ("-O3", "-fno-math-errno", f"-DREAL_LANES={width}", *level)
+    return prepared(ctypes.CDLL(str(library_path("kernel", flags))))
 
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
@@ -103,7 +102,7 @@ def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
 
 def lanes() -> int:
     """How many scenarios one call runs at once on this machine."""
-    return int(_libraries()[-1].lanes())
+    return int(_library().lanes())
 
 
 # --- does it apply? --------------------------------------------------------------------------------------------------------
@@ -114,7 +113,7 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     if wiring.scenario.experiment.bound < _LEAST_BOUND:
         return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
     kept = sum(name in record or stem(name) in record for name in wiring.signals)
-    if (size := 8 * _level()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
+    if (size := 8 * _vectors()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
         return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
     parts = _Part.all(wiring)
     places = _Places.of(wiring, parts, record)
@@ -363,7 +362,7 @@ def _series(wiring: Wiring, part: _Part, feed: _Feed) -> np.ndarray | None:
 def _run_lanes(settings: Sequence[_Setting], record: Sequence[str]) -> list[Result]:
     began = time.perf_counter()
     call = _Call(settings, record)
-    call.library.run(ctypes.byref(call.job), call.sources)
+    _library().run(ctypes.byref(call.job), call.sources)
     wall = (time.perf_counter() - began) / len(settings)
     return [call.result(lane, wall) for lane in range(len(settings))]
 
@@ -375,9 +374,7 @@ class _Call:
     """
 
     def __init__(self, settings: Sequence[_Setting], record: Sequence[str]) -> None:
-        self.settings = settings
-        self.library = next(library for library in _libraries() if library.lanes() >= len(settings))
-        self.width = int(self.library.lanes())
+        self.settings, self.width = settings, lanes()
         self.filled = list(settings) + [settings[-1]] * (self.width - len(settings))
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
         self.places = _Places.of(self.wiring, self.parts, record)
@@ -394,7 +391,7 @@ class _Call:
         schedule, n = self.wiring.schedule, len(self.places)
         components = (_Component * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
         phases = self.arena.phases(schedule.phases, self.timetable.columns, schedule.step_ns, self.places.mapped)
-        work = self.arena.array(np.zeros(len(self.parts) * int(self.library.lane_size()) + 64, np.uint8))
+        work = self.arena.array(np.zeros(len(self.parts) * int(_library().lane_size()) + 64, np.uint8))
         return _Job(
             self.arena.structures(components), len(self.parts), phases, len(schedule.phases), self.arena.array(np.zeros(2 * n * self.width)),
             n, self.arena.array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,

@@ -1,7 +1,8 @@
 /* Elementary functions whose bits do not depend on the platform's C library.
  *
- * Branch-free, in `real`, from + - * / only (and sqrt, which IEEE 754 rounds correctly): with -ffp-contract=off every
- * compiler and processor gives the same bits, and a vector lane those of the scalar. Round to nearest is assumed.
+ * In `real`, from + - * / only (and sqrt, which IEEE 754 rounds correctly) and without a branch that could change bits:
+ * with -ffp-contract=off every compiler and processor gives the same bits, and a vector lane those of the scalar. Round to
+ * nearest is assumed.
  * Reductions and coefficients are those of fdlibm (Sun Microsystems 1993, "freely granted": k_sin.c, k_cos.c, e_exp.c),
  * whose branches are replaced by carrying the reduction's error along always.
  * Measured against 50-digit arithmetic in tests/test_elementary.py: below 0.8 ulp for sine and cosine, 1 ulp for exp.
@@ -21,9 +22,27 @@ static inline real nearest(real a)
     return (a + shift) - shift;
 }
 
-/* sin a and cos a: a = n pi/2 + (y0 + y1), |y0| <= pi/4. */
+/* sin (y0 + y1) and cos (y0 + y1), |y0| <= pi/4. */
+static inline void sincos_near(real y0, real y1, real *sine, real *cosine)
+{
+    const real z = y0 * y0, v = z * y0;
+    const real ps = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06
+                  + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
+    const real pc = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05
+                  + z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09
+                  + z * -1.13596475577881948265e-11)))));
+    const real h = 0.5 * z, u = 1.0 - h;
+    *sine = y0 - ((z * (0.5 * y1 - v * ps) - y1) - v * -1.66666666666666324348e-01);
+    *cosine = u + (((1.0 - u) - h) + (z * pc - y0 * y1));
+}
+
+/* sin a and cos a: a = n pi/2 + (y0 + y1), |y0| <= pi/4. Where n is 0 in all lanes, y0 = a and y1 = 0: the same bits sooner. */
 static inline void sincos_real(real a, real *sine, real *cosine)
 {
+    if (all(real_abs(a) < 0.785)) {
+        sincos_near(a, real_of(0.0), sine, cosine);
+        return;
+    }
     const real inside = choose(real_abs(a) < SINCOS_LIMIT, a, real_of(0.0));
     const real n = nearest(inside * 6.36619772367581382433e-01);
     const real r = inside - n * 1.57079632673412561417e+00; /* exact */
@@ -32,16 +51,8 @@ static inline void sincos_real(real a, real *sine, real *cosine)
     const real e = (r - (r1 - back)) - (t + back);
     const real w = n * 2.02226624879595063154e-21 - e;
     const real y0 = r1 - w, y1 = (r1 - y0) - w;
-
-    const real z = y0 * y0, v = z * y0;
-    const real ps = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06
-                  + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
-    const real s = y0 - ((z * (0.5 * y1 - v * ps) - y1) - v * -1.66666666666666324348e-01);
-    const real pc = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05
-                  + z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09
-                  + z * -1.13596475577881948265e-11)))));
-    const real h = 0.5 * z, u = 1.0 - h;
-    const real c = u + (((1.0 - u) - h) + (z * pc - y0 * y1));
+    real s, c;
+    sincos_near(y0, y1, &s, &c);
 
     const real k = n - 4.0 * nearest(n * 0.25); /* quarter turns, -2 .. 2 */
     const mask swap = (k == 1.0) | (k == -1.0);

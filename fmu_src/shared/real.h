@@ -3,7 +3,7 @@
  * `real` is a double. A vector build (the sweep's batch kernel) defines REAL_LANES as 2, 4 or 8 and compiles the same
  * sources for that many scenarios at once: every operation below is element by element and rounds as the scalar one
  * does, so lane i has the bits that the scalar build has. Sources that include this header use no branches on `real`
- * values: comparisons give a `mask`, and `choose(mask, a, b)` chooses.
+ * values: comparisons give a `mask`, and `choose(mask, a, b)` chooses. `all(mask)` is for a short cut with the same bits.
  */
 #ifndef REAL_H
 #define REAL_H

@@ -294,16 +294,16 @@ def one_lane(case: Case) -> Runner:
     from cosim.sweep import kernel
 
     library = kernel.prepared(ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno")))))
-    usual = kernel._libraries
+    usual = kernel._library
 
     def once() -> float:
-        kernel._libraries = lambda: (library,)
+        kernel._library = lambda: library
         try:
             began = time.process_time()  # it runs in a thread of its own
             kernel.run_batch([case.wiring], [f"{arm}.{name}" for arm in ("arm_l", "arm_r") for name in ("q", "dq", "x")])
             return time.process_time() - began
         finally:
-            kernel._libraries = usual
+            kernel._library = usual
 
     return once
 

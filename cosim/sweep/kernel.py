@@ -382,7 +382,7 @@ class _Call:
         self.timetable = Timetable.of(self.wiring, record)
         self.arena = Arena()
         self.rows = self.experiment.rows
-        self.table = np.zeros((self.width, self.rows, len(self.timetable.names)))
+        self.table = np.empty((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
         self.job = self._job()
         self.sources = self.arena.pointers([self._sources(part) for part in self.parts])

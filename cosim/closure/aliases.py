@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.closure.candidates import screen
 from cosim.closure.evidence import Evidence, weigh
 from cosim.closure.model import Model, with_choices
-from cosim.closure.selection import Rule
+from cosim.closure.selection import Rule, polished
 from cosim.effects import Effect
 
 LISTED = 2  # alternatives named beside an effect; more are told in its evidence
@@ -43,6 +43,8 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
             continue
         other = _replaced(model, number, candidate.choice, rest, trials, candidate)
         if not rule.refusal(other):
+            if choice.effect.related(candidate.choice.effect):
+                other = evolve(other, model=polished(other.model, chosen.model.weight))  # the chosen one has a friction law of its own as well
             out.append(Rival(other, _worse(chosen, other), _reached(rest, chosen, other)))
     return chosen, tuple(sorted(out, key=lambda rival: rival.worse))
 

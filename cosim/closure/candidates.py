@@ -59,18 +59,16 @@ def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, 
 
 
 def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...], options: list) -> Candidate:
-    """The option with the largest gain; a physical one if it comes close to the best unphysical one."""
+    """The physical option with the largest gain, refined; the best unphysical one where that explains more than twice as much."""
     base, tried, first = normal.error(joints), len(options), None
     options.sort(key=lambda option: (base - option[0]) * THRIFT ** len(option[2]))
     for gain, theta, beta in options:
-        estimate = Estimate(beta, np.abs(beta) * 0.1, theta, joints, model.scene)
-        reason = effect.unphysical(estimate)
+        reason = effect.unphysical(Estimate(beta, np.abs(beta) * 0.1, theta, joints, model.scene))
         candidate = Candidate(Choice(effect, joints, theta), gain / base, beta, tried, reason)
-        if not reason:
-            return _refined(model, normal, candidate, base) if candidate.gain > REFINED else candidate
         first = first or candidate
-        if gain < 0.5 * options[0][0]:
-            break
+        if not reason:
+            found = _refined(model, normal, candidate, base) if candidate.gain > REFINED else candidate
+            return found if found.gain > 0.5 * first.gain else first
     return first
 
 

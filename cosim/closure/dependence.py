@@ -1,23 +1,29 @@
 """Is anything left in the residual? Smooth functions of single signals, of pairs and of history compete under the rule of the claims."""
 
+import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.candidates import Candidate, Normal, screened
 from cosim.closure.evidence import Evidence, weigh
+from cosim.closure.floor import from_sensors
 from cosim.closure.model import Choice, Model, with_choices
 from cosim.closure.selection import Rule
 from cosim.closure.unnamed import Dependence, dependences, persistence
 
 PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to foretell
 LARGE = 0.01  # of the torque
+BEYOND, MUCH = 4.0, 0.03  # times the noise of the sensors, and share of the torque, from which on a residual cannot be called noise
 FLEXIBLE = 2.5  # a basis of eight functions has to remove this many times what one column has to
 
 
 @frozen(eq=False)
 class Leftover:
-    """A signal that the residual of some joints depends on, without a name."""
+    """A signal that the residual of some joints depends on, without a name; not `sure` where only the residual's size shows that
+    something is missing.
+    """
 
     evidence: Evidence
+    sure: bool = True
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -33,18 +39,33 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
     kinds = dependences(model.scene)
     trials = len(kinds) * model.setting.joints
     strict = evolve(rule, gain=FLEXIBLE * rule.gain, size=1.25 * rule.size)
-    found, normal = [], Normal(model)
+    found, best, normal = [], {}, Normal(model)
     for kind in kinds:
         basis = model.setting.rows.filtered(kind.columns(model.scene, (0,), ())[0], kind.sharp)
         for joint in range(model.setting.joints):
             model._cache[(kind.key, (joint,), (), tuple(model.laws))] = {joint: basis}
             model._cache[("grid", kind.key, (joint,), tuple(model.laws))] = [((), {joint: basis})]
             evidence = weighed(model, kind, joint, trials, normal)
-            if evidence is not None and not _refusal(strict, evidence, kind):
+            if evidence is None:
+                continue
+            if not _refusal(strict, evidence, kind):
                 found.append(Leftover(evidence))
+            if joint not in best or evidence.error() < best[joint].error():
+                best[joint] = evidence
     found.sort(key=lambda leftover: leftover.evidence.error())
     bare = set(range(model.setting.joints)) - {leftover.joint for leftover in found}
-    return (*found, *_persistent(model, rule, bare, normal))
+    found += _persistent(model, rule, bare, normal)
+    bare -= {leftover.joint for leftover in found}
+    return (*found, *(Leftover(best[joint], sure=False) for joint in sorted(bare & beyond_noise(model) & set(best))))
+
+
+def beyond_noise(model: Model) -> set[int]:
+    """Joints (0-based) whose residual, fitted and held-out rows, is far larger than the noise of the sensors: they are not complete."""
+    noise, use = from_sensors(model), model.setting.use
+    if noise is None:
+        return set()
+    left, torque = (np.sqrt((np.where(use, x, 0) ** 2).sum(axis=1) / np.maximum(use.sum(axis=1), 1)) for x in (model.residual, model.target))
+    return set(np.flatnonzero((left > BEYOND * noise) & (left > MUCH * torque)).tolist())
 
 
 def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> tuple[Leftover, ...]:
@@ -86,7 +107,7 @@ def corrected(model: Model, found: tuple[Leftover, ...]) -> Model:
     """The model with the best smooth correction of each joint that needs one."""
     best: dict[int, Choice] = {}
     for leftover in found:
-        if leftover.evidence.candidate.choice.effect.witness:
+        if leftover.evidence.candidate.choice.effect.witness or not leftover.sure:
             continue
         best.setdefault(leftover.joint, leftover.evidence.candidate.choice)
     return with_choices(model, (*model.choices, *best.values()))

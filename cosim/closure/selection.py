@@ -12,6 +12,7 @@ from cosim.effects import Effect
 
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
+NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 
@@ -109,7 +110,21 @@ def _round(model: Model, candidates: Sequence[Candidate], rule: Rule, trials: in
     refusals = tuple(rule.refusal(e) or _beside(model, e, shares) for e in weighed)
     accepted = [e for e, why in zip(weighed, refusals, strict=True) if not why]
     taken = next((e for e in accepted if not _made_of_single_ones(model, e, accepted)), None)
-    return Step(tuple(weighed), refusals, taken)
+    return Step(tuple(weighed), refusals, taken and _settled_best(taken, weighed, rule, trials))
+
+
+def _settled_best(best: Evidence, weighed: Sequence[Evidence], rule: Rule, trials: int) -> Evidence:
+    """The best candidate, or an alias of it that does better once each has a friction law of its own."""
+    effect = best.candidate.choice.effect
+    near = [e for e in weighed if e is best or e.joints == best.joints and not e.reason and e.gain_fit > NEAR * best.gain_fit
+            and effect.related(e.candidate.choice.effect)]  # fmt: skip
+    if len(near) < 2:
+        return best
+    settled = {id(e): polished(e.model, best.model.weight) for e in near}
+    winner = min(near, key=lambda e: float(relative_error(settled[id(e)])[0].sum()))
+    if winner is best or rule.refusal(alone(settled[id(winner)], len(winner.model.choices) - 1, trials)):
+        return best
+    return winner
 
 
 def _beside(model: Model, evidence: Evidence, shares: dict[int, float]) -> str:
@@ -138,8 +153,8 @@ def _made_of_single_ones(model: Model, evidence: Evidence, accepted: Sequence[Ev
     return sum(best.values()) > CLEARLY * gain
 
 
-def polished(model: Model) -> Model:
-    """The model with friction laws, weights and nonlinear parameters fitted again around its effects."""
+def polished(model: Model, weight: np.ndarray | None = None) -> Model:
+    """The model with friction laws, weights and nonlinear parameters fitted again around its effects; at last with a weight (J,) if given."""
     choices = model.choices
     for _ in range(2):
         model = with_choices(settled(with_choices(model, choices)), choices, passes=2)
@@ -151,6 +166,8 @@ def polished(model: Model) -> Model:
     for number, choice in enumerate(choices):
         if choice.effect.continuous(choice.theta) and len(choice.joints) == 1 and choice.effect.sharp:
             model = _together(model, number)
+    if weight is not None:
+        model = evolve_model(model, weight=weight)
     return with_choices(model, model.choices, passes=2)
 
 

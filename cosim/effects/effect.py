@@ -132,6 +132,10 @@ class Effect(ABC):
         labels = self.labels(estimate.joints, estimate.theta) + self.theta_labels(estimate.joints)
         return dict(zip(labels, (*map(float, estimate.beta), *estimate.theta), strict=False))
 
+    def related(self, other: "Effect") -> bool:
+        """Whether one of the two lists the other as its alias."""
+        return other.name in {a.name for a in self.aliases} or self.name in {a.name for a in other.aliases}
+
     def delivered(self, motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         """The torque (n, k) that comes of a recorded one, for effects that are `late`."""
         return torque

@@ -16,7 +16,7 @@ _OTHER = "an encoder on the link, or excitation near the resonance"
 _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
-STIFF = (60.0, 130.0, 280.0, 600.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
+STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
 SMALL = 0.1  # step of the simulated link times w
 STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
 
@@ -58,13 +58,14 @@ def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
 class JointElasticity(Effect):
     """The link follows its motor through a spring; theta = (resonance w of the link [rad/s], damping ratio z, motor's share s of M).
 
-    With the twist t = q_motor - q_link, M_l = (1 - s) M and the link's own torque tau_l = rigid torque - s M ddq:
-    M_l (t'' + 2 z w t' + w^2 t) + (d tau/d dq) t' + (d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the motion.
+    With the twist t = q_motor - q_link, the motor's inertia J = s M and the stiffness k = (1 - s) M w^2 at the median M of the motion,
+    and the link's own torque tau_l = rigid torque - J ddq:
+    (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the motion.
     """
 
     name = "joint_elasticity"
     title = "elastic joint"
-    equation = "q_link = q - t, M_l (w^2 t + 2 z w t') = torque of the link at q_link, tau = s M ddq + that torque"
+    equation = "q_link = q - t, k t + c t' = torque of the link at q_link, tau = J ddq + that torque"
     source = "Spong 1987, J. Dyn. Sys. Meas. Control 109"
     unit = "1"
     form = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
@@ -77,7 +78,7 @@ class JointElasticity(Effect):
         return "" if scene.rigid_torque is not None else "the device has no equations of motion to bend"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        return tuple((float(w), z, USUAL_SHARE) for w in _resonances(scene, 1.2) for z in (0.04, 0.15))
+        return tuple((float(w), z, USUAL_SHARE) for w in _resonances(scene, 1.3) for z in (0.06, 0.2))
 
     def continuous(self, theta):
         return (0, 1, 2)
@@ -136,7 +137,7 @@ class Backlash(JointElasticity):
         return "the transmitted torque hardly changes sign" if share < 0.02 else ""
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        gaps = scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 7)
+        gaps = scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 6)
         return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.15, 0.6) for g in gaps)
 
     def continuous(self, theta):
@@ -152,16 +153,18 @@ def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: floa
     From rest against the side that the torque pushes to. Without a gap everything is linear, and two more columns are what the link adds
     that swings at the start of the first run, by its angle and by its speed.
     """
-    motion, (mass, _) = scene.motion, inertia(scene, joint)
+    motion, (mass, usual) = scene.motion, inertia(scene, joint)
     by_q, by_dq, _ = slopes(scene, joint)
-    torque = scene.rigid[:, joint] - share * mass * motion.ddq[:, joint]
-    link = [np.ascontiguousarray(x) for x in ((1 - share) * mass, by_dq[:, joint], by_q[:, joint])]
-    rest = [(torque[a] / (link[0][a] * w**2) + np.copysign(gap / 2, torque[a]), 0.0) for a, _ in motion.bounds]
-    parts = [_swung(scene, joint, link, torque, (w, z, gap), rest)]
+    own, motor = (1 - share) * usual, share * usual
+    torque = scene.rigid[:, joint] - motor * motion.ddq[:, joint]
+    link = [np.ascontiguousarray(x) for x in (np.maximum(mass - motor, 0.1 * own), by_dq[:, joint], by_q[:, joint])]
+    spring = own * w**2, 2 * z * w * own, gap
+    rest = [(torque[a] / spring[0] + np.copysign(gap / 2, torque[a]), 0.0) for a, _ in motion.bounds]
+    parts = [_swung(scene, joint, link, torque, spring, rest)]
     if gap == 0:
-        size = float(np.std(torque)) / (float(np.median(link[0])) * w**2)
+        size = float(np.std(torque)) / spring[0]
         still = [(0.0, 0.0)] * (len(motion.bounds) - 1)
-        parts += [_swung(scene, joint, link, 0 * torque, (w, z, 0.0), [first, *still]) for first in ((size, 0.0), (0.0, w * size))]
+        parts += [_swung(scene, joint, link, 0 * torque, spring, [first, *still]) for first in ((size, 0.0), (0.0, w * size))]
     return {j: np.concatenate([part[j] for part in parts], axis=1) for j in parts[0]}
 
 
@@ -169,7 +172,7 @@ def _swung(scene: Scene, joint: int, link: list[np.ndarray], torque: np.ndarray,
     """Columns of one swing of the link from the starts (twist, rate) of each run."""
     motion, along = scene.motion, [*link, np.ascontiguousarray(torque)]
     twist, transmitted = np.empty((2, len(torque)))
-    substeps = int(np.ceil(motion.step * spring[0] / SMALL))
+    substeps = int(np.ceil(motion.step * np.sqrt(spring[0] / link[0].min()) / SMALL))
     for (a, b), start in zip(motion.bounds, starts, strict=True):
         _library().link_behind(b - a, c_double(motion.step), substeps, *(x[a:].ctypes.data_as(c_void_p) for x in along),
                                *map(c_double, (*spring, *start)), *(x[a:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip

@@ -58,7 +58,7 @@ EFFECTS = {
     "actuator_lag": lambda j, a: dict(lag=only(j, 3e-3 * a)),
     "time_delay": lambda j, a: dict(delay=only(j, 3e-3 * a)),
     "torque_gain": lambda j, a: dict(gain=only(j, -0.05 * a)),
-    "torque_saturation": lambda j, a: dict(limit=np.where(only(j, 1) > 0, {1: 0.075, 2: 0.032, 3: 0.036}[j] / a**0.2, 1e9)),
+    "torque_saturation": lambda j, a: dict(limit_share=only(j, 0.015 * a)),
     "torque_deadband": lambda j, a: dict(deadband=only(j, 0.1 * a * _fc(j))),
     "joint_elasticity": lambda j, a: dict(compliance=only(j, {1: 0.06, 2: 0.06, 3: 0.12}[j] * a), law=TANH, width=0.02),
     "backlash": lambda j, a: dict(compliance=only(j, 0.02), gap=only(j, 0.01 * a), law=TANH, width=0.02),
@@ -112,13 +112,9 @@ def two(first, second, size, seed):
     one = hidden(first, size, seed)
     joints = JOINTS.get(second, (1, 2, 3))
     joint = joints[(seed // 3) % len(joints)]
-    plant = replace(one.plant, **{k: _sum(getattr(one.plant, k), v, k) for k, v in EFFECTS[second](joint, size).items()})
+    plant = replace(one.plant, **{k: v for k, v in EFFECTS[second](joint, size).items()})
     truth = {**one.truth, second: {1, 2, 3} if second in ARM_WIDE else {joint}}
     return Case(f"{first}+{second}", plant, truth, size)
-
-
-def _sum(old, new, key):
-    return np.minimum(old, new) if key == "limit" else new
 
 
 def outside(name, size, seed):

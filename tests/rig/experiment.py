@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tests.rig.plant import Arms, stack, tip
+from tests.rig.plant import Arms, rigid_terms, stack, tip
 
 CENTRE = np.array((0.0, 0.25, 0.35))
 REACH = np.array((0.75, 0.45, 0.45))
@@ -56,6 +56,14 @@ def references(experiments, time):
     return ref, rate
 
 
+def required(plant, q, w):
+    """Torque (3, n) that the rigid arm with its friction needs to follow q, w (3, n), sampled at 1 kHz."""
+    m11, m22, m33, m23, n = rigid_terms(plant.pi, q, w, None)
+    a = np.gradient(w, 1e-3, axis=1)
+    inertial = np.stack((m11 * a[0], m22 * a[1] + m23 * a[2], m33 * a[2] + m23 * a[1]))
+    return inertial + n + plant.viscous[:, None] * w + plant.coulomb[:, None] * np.tanh(w / 0.02)
+
+
 def record(plants, experiments, duration=30.0, substeps=2):
     """Measured runs, one for each plant and experiment; rigid and elastic arms are integrated as one batch each."""
     runs = [None] * len(plants)
@@ -76,6 +84,9 @@ def _batch(plants, experiments, duration, substeps):
     ref, rate = references(experiments, time)
     for s in range(b.size):
         b.wall_place[s] = np.quantile(b.wall_normal[:, s] @ tip(ref[:, :, s].T), b.wall_share[s])
+        if b.limit_share[:, s].any():
+            need = np.abs(required(plants[s], ref[:, :, s].T, rate[:, :, s].T))
+            b.limit[:, s] = [np.quantile(x, 1 - share) if share else 1e9 for x, share in zip(need, b.limit_share[:, s], strict=True)]
     random = np.random.default_rng(sum(e.seed for e in experiments) + 17)
     resolution = np.stack([e.resolution for e in experiments], axis=-1)
     bandwidth = np.array([e.bandwidth for e in experiments])

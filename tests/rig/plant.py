@@ -53,7 +53,7 @@ class Plant:
     lag: np.ndarray = _joint()
     delay: np.ndarray = _joint()
     gain: np.ndarray = _joint()
-    limit: np.ndarray = _joint(1e9)
+    limit_share: np.ndarray = _joint(0.0)  # of the torque along the reference that lies beyond the drive's limit
     deadband: np.ndarray = _joint()
     compliance: np.ndarray = _joint()  # rad/(N.m); 0 rigid
     motor_inertia: np.ndarray = _joint(3e-4)
@@ -100,7 +100,7 @@ class Batch:
         self.true_pi = self.pi + extra[:, None] * m
         self.size = m.shape[-1]
         self.elastic = bool((self.compliance > 0).any() or (self.gap > 0).any())
-        self.wall_place = np.full(self.size, 1e9)
+        self.wall_place, self.limit = np.full(self.size, 1e9), np.full((3, self.size), 1e9)
         self.active = {k: bool(np.any(v)) for k, v in values.items()}
 
 

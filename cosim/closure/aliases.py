@@ -31,10 +31,10 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
     """Evidence for choice `number` beside the others, and its rivals, closest first (also those that the data do tell apart)."""
     choice = model.choices[number]
     rest = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k != number), passes=1)
-    candidates = [c for c in screen(rest, effects) if not c.untestable and not c.reason]
+    touched = set(model.columns[number])
+    candidates = [c for c in screen(rest, effects, touched) if not c.untestable and not c.reason]
     own = next((c for c in candidates if c.choice.key == choice.key), None)
     chosen = _replaced(model, number, choice, rest, trials, own)
-    touched = set(model.columns[number])
     least = 0.4 * max(own.gain if own else 0.0, rule.gain)
     out = []
     for candidate in candidates:

@@ -1,6 +1,6 @@
 """Candidates: every effect of the library on every set of joints, at the best values of its nonlinear parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from attrs import evolve, frozen
@@ -31,14 +31,14 @@ class Candidate:
     untestable: bool = False
 
 
-def screen(model: Model, effects: Sequence[Effect]) -> list[Candidate]:
-    """All candidates that may be added to the model, best gain first; untestable ones last."""
+def screen(model: Model, effects: Sequence[Effect], near: Collection[int] | None = None) -> list[Candidate]:
+    """All candidates that may be added to the model (those on one of the joints `near`), best gain first; untestable ones last."""
     normal = Normal(model)
     taken = {c.key for c in model.choices}
     found = []
     for effect in effects:
         for joints in effect.joint_sets(model.scene):
-            if (effect.name, joints) not in taken:
+            if (effect.name, joints) not in taken and (near is None or set(joints) & set(near)):
                 found.append(screened(model, normal, effect, joints))
     return sorted(found, key=lambda c: (c.untestable, -c.gain))
 

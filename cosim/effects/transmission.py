@@ -17,7 +17,7 @@ _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
 STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
-SMALL = 0.1  # step of the simulated link times w
+SMALL = 0.2  # step of the simulated link times w
 STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
 
 

@@ -107,6 +107,38 @@ def hidden(name, size, seed):
     return Case(name, plant, truth, size, declared=name in DECLARED)
 
 
+PLAIN = {
+    "stribeck": ("stribeck", "stribeck_velocity"), "torque_offset": ("offset",), "load_friction": ("load",), "quadratic_drag": ("drag",),
+    "actuator_lag": ("lag",), "time_delay": ("delay",), "torque_gain": ("gain",), "torque_deadband": ("deadband",),
+    "joint_elasticity": ("compliance",), "backlash": ("gap",), "encoder_offset": ("encoder_offset",),
+}  # fmt: skip
+LABELS = {"offset": "torque_offset", "load": "load_friction", "drag": "quadratic_drag", "lag": "actuator_lag", "delay": "time_delay",
+          "gain": "torque_gain", "deadband": "torque_deadband", "compliance": "joint_compliance", "gap": "backlash"}  # fmt: skip
+
+
+def true_parameters(case):
+    """FMU parameters of a hidden effect, for effects whose law is that of the FMU."""
+    p, name, joint = case.plant, case.label, min(next(iter(case.truth.values()))) - 1
+    at, other = f"[{joint + 1}]", 3 * joint + (joint + 1) % 3
+    if name in PLAIN:
+        return {LABELS.get(field, field) + at: getattr(p, field)[joint] for field in PLAIN[name]}
+    amplitude, order = p.ripple[joint], p.ripple_order[joint]
+    level = p.coulomb[joint] * p.friction_wave[joint]
+    known = {
+        "coulomb_asymmetry": {"coulomb_asymmetry" + at: (p.coulomb_up - p.coulomb_down)[joint] / 2},
+        "viscous_asymmetry": {"viscous_asymmetry" + at: (p.viscous_up - p.viscous_down)[joint] / 2},
+        "torque_ripple": {"ripple_sin" + at: amplitude * np.cos(p.ripple_phase[joint]), "ripple_cos" + at: amplitude * np.sin(p.ripple_phase[joint]),
+                          "ripple_order" + at: order},
+        "position_friction": {"position_friction_sin" + at: level * np.sin(p.friction_phase[joint]),
+                              "position_friction_cos" + at: level * np.cos(p.friction_phase[joint])},
+        "payload": {"payload": p.payload},
+        "base_tilt": {"base_tilt[1]": p.tilt[0], "base_tilt[2]": p.tilt[1]},
+        "external_contact": {"contact_stiffness": p.wall_stiffness, "contact_damping": p.wall_damping},
+        "joint_coupling": {"coupling_viscous" + at: p.couple_viscous[other], "coupling_coulomb" + at: p.couple_coulomb[other]},
+    }  # fmt: skip
+    return known.get(name, {})
+
+
 def two(first, second, size, seed):
     """Two effects of the library on joints of their own or the same one, by the seed."""
     one = hidden(first, size, seed)

@@ -1,4 +1,4 @@
-"""Studies of the decision rule on blind rigs, printed as tables:  python -m tests.rig.study nulls|detection|limits|pairs|outside|viscosity
+"""Studies of the decision rule on blind rigs, printed as tables:  python -m tests.rig.study nulls|detection|pairs|outside|viscosity
 
 Every study simulates with tests/rig (own equations) and judges with `close_loop` as the command does. Nothing in the tool is fitted to
 the seeds used here: the rule was set on seeds below 1000, the studies use seeds from 1000 on.
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.rig.cases import EFFECTS, OUTSIDE, SIZES, complete, hidden, outside, two
+from tests.rig.cases import EFFECTS, OUTSIDE, SIZES, complete, hidden, outside, true_parameters, two
 from tests.rig.experiment import Experiment
 from tests.rig.trial import Outcome, run_all
 
@@ -69,6 +69,68 @@ def _run(tasks, options):
 
 
 def detection(options):
+    """Rate of the right name per effect and size; per visibility; parameters against their intervals; errors against the floor."""
+    seeds = range(options.first, options.first + options.count)
+    names = options.effects or list(EFFECTS)
+    tasks = [(complete(s), experiment(s)) for s in seeds]
+    tasks += [(hidden(n, a, s), experiment(s)) for a in options.sizes for n in names for s in seeds]
+    out = _run(tasks, options)
+    floors = {o.seed: o.before for o in out[: len(seeds)] if o.good}
+    found = [o for o in out[len(seeds) :] if o.good and o.seed in floors]
+    table(found, names, options.sizes)
+    visibility(found, floors)
+    precision(found, floors)
+    return out
+
+
+def share(o, floors):
+    """How far the effect shows: what it adds to the complete model's residual over that of the same rig without it, strongest joint."""
+    joints = [j - 1 for joints in o.truth.values() for j in joints]
+    return max(np.sqrt(max(o.before[j] ** 2 - floors[o.seed][j] ** 2, 0.0)) / floors[o.seed][j] for j in joints)
+
+
+def visibility(found, floors):
+    """Right names by how far the effect shows; the detection limit is where 90 % and more are right from there on."""
+    edges = (0, 0.25, 0.5, 0.75, 1, 1.5, 2, 4, np.inf)
+    shown = np.array([share(o, floors) for o in found])
+    print("effect adds to the residual (times the floor)    runs  right  wrong names")
+    for low, high in zip(edges, edges[1:], strict=False):
+        group = [o for o, x in zip(found, shown, strict=True) if low <= x < high]
+        if group:
+            print(f"  {low:4g} to {high:4g}  {len(group):36d} {100 * np.mean([o.right for o in group]):5.0f} %  {sum(bool(o.extra) for o in group)}")
+    limit = next((x for x in edges[:-1] if np.mean([o.right for o, y in zip(found, shown, strict=True) if y >= x] or [0]) >= 0.95), None)
+    if limit is not None:
+        above = [o for o, x in zip(found, shown, strict=True) if x >= limit]
+        right = sum(o.right for o in above)
+        print(f"above {limit:g} times the floor: {right} of {len(above)} right = {100 * right / len(above):.1f} %, lower 95 % bound "
+              f"{100 * lower_bound(right, len(above)):.1f} %; wrong names beside or instead in {sum(bool(o.extra) for o in above)}")
+        for o in above:
+            if not o.right or o.extra:
+                print(f"  {o.label} {o.size:g} seed {o.seed} joints {list(o.truth.values())}: {o.verdict} {o.found} {o.unknown[:2]}")
+
+
+def precision(found, floors):
+    """Parameters of the runs with the right name alone: inside their intervals; held-out error after it over the floor."""
+    inside, ratio, before = [], [], []
+    for o in found:
+        if o.right and not o.extra:
+            values = {k: v for k, v in true_parameters(hidden(o.label, o.size, o.seed)).items() if k in o.interval}
+            inside += [(o.label, o.interval[k][0] <= v <= o.interval[k][1]) for k, v in values.items()]
+            joints = [j - 1 for joints in o.truth.values() for j in joints]
+            ratio.append(max(o.after[j] / floors[o.seed][j] for j in joints))
+            before.append(max(o.before[j] / floors[o.seed][j] for j in joints))
+    if ratio:
+        print(f"parameters inside their 95 % intervals: {sum(x for _, x in inside)} of {len(inside)}; outside: "
+              f"{ {n: sum(not x for m, x in inside if m == n) for n in sorted({m for m, x in inside if not x})} or ''}")
+        print(f"held-out error over the floor, worst joint of each run, median: before {np.median(before):.2f}, after {np.median(ratio):.2f}; "
+              f"after within 1.2 in {100 * np.mean(np.array(ratio) <= 1.2):.0f} % of the runs")
+
+
+def _run(tasks, options):
+    return run_all(tasks, options.duration, options.workers, options.out)
+
+
+def detection(options):
     """Rate of the right name per effect and size, and the detection limit: the smallest size from which 80 % are right."""
     seeds = range(options.first, options.first + options.count)
     names = options.effects or list(EFFECTS)
@@ -103,15 +165,6 @@ def table(out, names, sizes):
             extra += [f[0] for o in group for f in o.extra]
         counts = {n: extra.count(n) for n in sorted(set(extra))}
         print(f"{name:20s}{cells}   {limit_of(out, name, sizes)!s:6s}  {counts or ''}")
-
-
-def pooled(out, names, sizes):
-    above = [o for n in names if (a := limit_of(out, n, sizes)) for o in out if o.label == n and o.size >= a and o.good]
-    right = sum(o.right for o in above)
-    if above:
-        print(f"above the limit: {right} of {len(above)} right = {100 * right / len(above):.1f} %, "
-              f"lower 95 % bound {100 * lower_bound(right, len(above)):.1f} %")
-        print(f"wrong names beside or instead: {sum(bool(o.extra) for o in above)} runs of {len(above)}")
 
 
 def pairs(options):

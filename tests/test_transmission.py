@@ -1,0 +1,77 @@
+"""Elastic joints, backlash and lag: the link's simulation against scipy's integrator, and effects of the FMU found in its recording.
+
+The FMU has two masses of its own (fmu_src/PhantomArm); the tool sees a rigid arm's recording and simulates what its link did behind
+the encoder. Size, motor's inertia and damping have to come back.
+"""
+
+import ctypes
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from build_fmus.library import library_path
+from cosim.closure.closure import Options, close_loop
+from cosim.fmu import open_system
+from cosim.master import run
+from cosim.measured import Description, Recording, Run
+from cosim.scenario import load_scenario, with_parameters
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.02])
+def test_the_link_follows_its_differential_equation(gap):
+    h, n, stiffness, damping = 1e-3, 3000, 6.0, 0.012
+    time = np.arange(n) * h
+    mass, drag = 2e-3 * (1 + 0.3 * np.sin(2 * time)), 1e-3 * np.cos(3 * time)
+    spring, torque = 0.1 * np.sin(time), 0.05 * np.sin(7 * time) + 0.01
+    along = [np.ascontiguousarray(x) for x in (mass, drag, spring, torque)]
+    twist, transmitted = np.empty((2, n))
+    start = torque[0] / stiffness + gap / 2
+    ctypes.CDLL(str(library_path("link"))).link_behind(
+        n, ctypes.c_double(h), 20, *(x.ctypes.data_as(ctypes.c_void_p) for x in along),
+        *map(ctypes.c_double, (stiffness, damping, gap, start, 0.0)), *(x.ctypes.data_as(ctypes.c_void_p) for x in (twist, transmitted)),
+    )  # fmt: skip
+
+    def contact(t, rate):
+        beyond = t - np.clip(t, -gap / 2, gap / 2)
+        return stiffness * beyond + damping * rate * (beyond != 0 or gap == 0)
+
+    def rates(now, x):
+        m, d, k, u = (np.interp(now, time, y) for y in along)
+        return x[1], (u - d * x[1] - k * x[0] - contact(*x)) / m
+
+    found = solve_ivp(rates, (0, time[-1]), (start, 0.0), t_eval=time, rtol=1e-9, atol=1e-12, max_step=h)
+    assert np.abs(twist - found.y[0]).max() < 0.01 * np.abs(found.y[0]).max()
+    expected = [contact(*x) for x in found.y.T]
+    assert np.abs(transmitted - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def closed(hidden: dict):
+    """What close-loop says of 40 s of the identification experiment on an arm with hidden parameters."""
+    scenario = with_parameters(load_scenario("identification"), {"experiment.stop": 40.0} | {f"arm.{k}": v for k, v in hidden.items()})
+    with open_system(scenario) as system:
+        result = run(scenario, system)
+    time = np.asarray(result.time)
+    one = Run("arm", time, result.vector("arm.q"), result.vector("controller.tau"), np.arange(len(time)) >= len(time) // 2)
+    return close_loop(Recording(Description(), (one,)), Options(replayed=False))
+
+
+HIDDEN = {
+    "joint_elasticity": {"joint_compliance[1]": 0.15, "motor_inertia[1]": 1e-3, "joint_damping[1]": 6e-3},
+    "backlash": {"backlash[1]": 0.01},
+    "actuator_lag": {"actuator_lag[2]": 0.02},
+}
+
+
+@pytest.mark.parametrize("name", list(HIDDEN))
+def test_an_effect_between_command_and_link_comes_back_from_the_fmus_recording(name):
+    found = closed(HIDDEN[name])
+    assert [f.name for f in found.verdict.findings] == [name]
+    finding, joint = found.verdict.findings[0], int(next(iter(HIDDEN[name]))[-2])
+    assert finding.joints == (joint,)
+    assert found.error.after[joint - 1] < 0.5 * found.error.before[joint - 1]
+    for label, truth in HIDDEN[name].items():
+        if label != "joint_damping[1]":  # the encoder's noise at the resonance damps
+            low, high = finding.interval[label]
+            assert low <= truth <= high, (label, truth, low, high)
+            assert finding.parameters[label] == pytest.approx(truth, rel=0.15)

@@ -182,8 +182,10 @@ class Normal:
         free = own - cross.T @ self.inverse @ cross
         size = np.sqrt(np.maximum(np.diag(own), 1e-300))
         unit = free / size[:, None] / size
+        if not np.isfinite(unit).all():
+            return None
         values, vectors = np.linalg.eigh(unit)
-        if values[-1] < COLLINEAR or not np.isfinite(values).all():
+        if values[-1] < COLLINEAR:
             return None
         keep = values > 1e-6
         beta = (vectors[:, keep] / values[keep]) @ (vectors[:, keep].T @ (toward / size)) / size

@@ -165,17 +165,20 @@ def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: floa
         size = float(np.std(torque)) / spring[0]
         still = [(0.0, 0.0)] * (len(motion.bounds) - 1)
         parts += [_swung(scene, joint, link, 0 * torque, spring, [first, *still]) for first in ((size, 0.0), (0.0, w * size))]
-    return {j: np.concatenate([part[j] for part in parts], axis=1) for j in parts[0]}
+    nothing = np.zeros((len(torque), 1))
+    return {j: np.concatenate([part.get(j, nothing) for part in parts], axis=1) for j in parts[0]}
 
 
 def _swung(scene: Scene, joint: int, link: list[np.ndarray], torque: np.ndarray, spring: tuple, starts: list) -> dict[int, np.ndarray]:
-    """Columns of one swing of the link from the starts (twist, rate) of each run."""
+    """Columns of one swing of the link from the starts (twist, rate) of each run; zero where it runs away."""
     motion, along = scene.motion, [*link, np.ascontiguousarray(torque)]
     twist, transmitted = np.empty((2, len(torque)))
     substeps = int(np.ceil(motion.step * np.sqrt(spring[0] / link[0].min()) / SMALL))
     for (a, b), start in zip(motion.bounds, starts, strict=True):
         _library().link_behind(b - a, c_double(motion.step), substeps, *(x[a:].ctypes.data_as(c_void_p) for x in along),
                                *map(c_double, (*spring, *start)), *(x[a:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
+    if not np.abs(twist).max() < np.pi:  # a spring that gravity overcomes
+        twist[:], transmitted[:] = 0.0, torque
     return displaced(scene, joint, -twist) | {joint: (transmitted - torque)[:, None]}
 
 

@@ -5,13 +5,16 @@ the encoder. Size, motor's inertia and damping have to come back.
 """
 
 import ctypes
+from functools import lru_cache
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from build_fmus.library import library_path
+from cosim.closure.candidates import Normal
 from cosim.closure.closure import Options, close_loop
+from cosim.effects.transmission import behind
 from cosim.fmu import open_system
 from cosim.master import run
 from cosim.measured import Description, Recording, Run
@@ -46,9 +49,11 @@ def test_the_link_follows_its_differential_equation(gap):
     assert np.abs(transmitted - expected).max() < 0.02 * np.abs(expected).max()
 
 
-def closed(hidden: dict):
+@lru_cache
+def closed(name: str):
     """What close-loop says of 40 s of the identification experiment on an arm with hidden parameters."""
-    scenario = with_parameters(load_scenario("identification"), {"experiment.stop": 40.0} | {f"arm.{k}": v for k, v in hidden.items()})
+    changes = {"experiment.stop": 40.0} | {f"arm.{k}": v for k, v in HIDDEN[name].items()}
+    scenario = with_parameters(load_scenario("identification"), changes)
     with open_system(scenario) as system:
         result = run(scenario, system)
     time = np.asarray(result.time)
@@ -65,7 +70,7 @@ HIDDEN = {
 
 @pytest.mark.parametrize("name", list(HIDDEN))
 def test_an_effect_between_command_and_link_comes_back_from_the_fmus_recording(name):
-    found = closed(HIDDEN[name])
+    found = closed(name)
     assert [f.name for f in found.verdict.findings] == [name]
     finding, joint = found.verdict.findings[0], int(next(iter(HIDDEN[name]))[-2])
     assert finding.joints == (joint,)
@@ -75,3 +80,11 @@ def test_an_effect_between_command_and_link_comes_back_from_the_fmus_recording(n
             low, high = finding.interval[label]
             assert low <= truth <= high, (label, truth, low, high)
             assert finding.parameters[label] == pytest.approx(truth, rel=0.15)
+
+
+def test_a_link_that_gravity_pulls_off_its_spring_is_no_column():
+    model = closed("actuator_lag").before
+    columns = behind(model.scene, 2, w=0.5, z=0.01, share=0.9)
+    assert all(np.isfinite(x).all() for x in columns.values())
+    runaway = {1: np.full((model.setting.y.shape[1], 1), np.nan)}
+    assert Normal(model).gain(runaway) is None

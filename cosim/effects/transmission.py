@@ -42,7 +42,15 @@ def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarr
     by_q, by_dq, by_ddq = slopes(scene, joint)
     rate = scene.motion.rate(shift[:, None])
     change = by_q * shift[:, None] + by_dq * rate + by_ddq * scene.motion.rate(rate)
-    return {j: change[:, [j]] for j in range(scene.joints) if np.abs(change[:, j]).max() > 0}
+    return {j: change[:, [j]] for j in felt(scene, joint)}
+
+
+def felt(scene: Scene, joint: int) -> tuple[int, ...]:
+    """Joints (0-based) whose torque depends on the motion of a joint."""
+    known = _SLOPES.setdefault(scene, {})
+    if ("felt", joint) not in known:
+        known["felt", joint] = tuple(j for j in range(scene.joints) if any(np.abs(by[:, j]).max() > 0 for by in slopes(scene, joint)))
+    return known["felt", joint]
 
 
 def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
@@ -165,8 +173,7 @@ def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: floa
         size = float(np.std(torque)) / spring[0]
         still = [(0.0, 0.0)] * (len(motion.bounds) - 1)
         parts += [_swung(scene, joint, link, 0 * torque, spring, [first, *still]) for first in ((size, 0.0), (0.0, w * size))]
-    nothing = np.zeros((len(torque), 1))
-    return {j: np.concatenate([part.get(j, nothing) for part in parts], axis=1) for j in parts[0]}
+    return {j: np.concatenate([part[j] for part in parts], axis=1) for j in parts[0]}
 
 
 def _swung(scene: Scene, joint: int, link: list[np.ndarray], torque: np.ndarray, spring: tuple, starts: list) -> dict[int, np.ndarray]:

@@ -76,7 +76,9 @@ def detection(options):
     tasks += [(hidden(n, a, s), experiment(s)) for a in options.sizes for n in names for s in seeds]
     out = _run(tasks, options)
     floors = {o.seed: o.before for o in out[: len(seeds)] if o.good}
-    found = [o for o in out[len(seeds) :] if o.good and o.seed in floors]
+    failed = [o for o in out if o.verdict.startswith("error")]
+    print(f"trials that ended in an error: {len(failed)} {[(o.label, o.seed, o.verdict) for o in failed] or ''}")
+    found = [o for o in out[len(seeds) :] if o.good and o.before and o.seed in floors]
     table(found, names, options.sizes)
     visibility(found, floors)
     precision(found, floors)

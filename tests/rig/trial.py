@@ -67,7 +67,11 @@ def judge(task) -> dict:
     out = Outcome(case.label, case.size, experiment.seed, {k: sorted(v) for k, v in case.truth.items()}, "", good=run.good)
     if not run.good:
         return asdict(out)
-    closure = close_loop(recording(run, case), Options(replayed=False))
+    try:
+        closure = close_loop(recording(run, case), Options(replayed=False))
+    except Exception as error:  # a study counts it as a wrong answer and goes on
+        out.verdict = f"error: {error!r}"
+        return asdict(out)
     verdict = closure.verdict
     out.verdict = verdict.answer.value
     out.found = [(f.name, list(f.joints), list(f.aliases)) for f in verdict.findings]

@@ -16,6 +16,7 @@ from tests.rig.experiment import Experiment, record  # noqa: E402
 from tests.rig.trial import Outcome, judge  # noqa: E402
 
 SIZE = 4.0
+pytestmark = pytest.mark.timeout(900)  # one fixture simulates and judges all cases
 CASES = {
     "complete smooth": complete(9),
     "complete sign": complete(10),

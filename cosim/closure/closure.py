@@ -19,6 +19,7 @@ from cosim.effects import Effect, library
 from cosim.measured import Recording
 
 POOR = 50.0  # RMS%: a model that leaves more than this of every joint's torque is no model to add effects to
+NO_BETTER = 0.99  # of the held-out error: a name that leaves more than this explains nothing
 
 
 @frozen
@@ -91,23 +92,23 @@ def _completed(recording: Recording, before: Model, selection: Selection, verdic
 
 
 def _no_worse(verdict: Verdict, before: Model) -> Verdict:
-    """Nothing is added that makes held-out rows of its joints worse, with reversals and without: no correction, no names."""
+    """Nothing is added that makes held-out rows of its joints worse, with reversals and without; no names that make them no better."""
     if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=verdict.model)
-    joints = {j - 1 for f in verdict.findings for j in f.joints}
-    if joints and _worse(torque_error(before, verdict.model), joints):
-        text = "held-out rows are worse with it"
+    joints = {j - 1 for f in verdict.findings for j in f.joints if not f.effect.of_time}
+    if joints and _worse(torque_error(before, verdict.model), joints, NO_BETTER):
+        text = "held-out rows are no better with it"
         withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
         verdict = evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before)
     return verdict
 
 
-def _worse(error: TorqueError, joints: set[int]) -> bool:
-    """Whether the mean ratio of after to before over the joints is above one, with reversals and without."""
+def _worse(error: TorqueError, joints: set[int], limit: float = 1.01) -> bool:
+    """Whether the mean ratio of after to before over the joints is above a limit, with reversals and without."""
     if not joints:
         return False
     moving, every = ([b[j] / max(a[j], 1e-12) for j in joints] for a, b in ((error.before, error.after), (error.all_before, error.all_after)))
-    return bool(np.mean(moving) > 1.01 and np.mean(every) > 1.01)
+    return bool(np.mean(moving) > limit and np.mean(every) > limit)
 
 
 def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:

@@ -59,11 +59,6 @@ def nulls(options):
     return out
 
 
-def _detect(names, sizes, seeds, options):
-    tasks = [(hidden(n, a, s), experiment(s)) for n in names for a in sizes for s in seeds]
-    return _run(tasks, options)
-
-
 def _run(tasks, options):
     return run_all(tasks, options.duration, options.workers, options.out)
 
@@ -126,20 +121,6 @@ def precision(found, floors):
               f"{ {n: sum(not x for m, x in inside if m == n) for n in sorted({m for m, x in inside if not x})} or ''}")
         print(f"held-out error over the floor, worst joint of each run, median: before {np.median(before):.2f}, after {np.median(ratio):.2f}; "
               f"after within 1.2 in {100 * np.mean(np.array(ratio) <= 1.2):.0f} % of the runs")
-
-
-def _run(tasks, options):
-    return run_all(tasks, options.duration, options.workers, options.out)
-
-
-def detection(options):
-    """Rate of the right name per effect and size, and the detection limit: the smallest size from which 80 % are right."""
-    seeds = range(options.first, options.first + options.count)
-    names = options.effects or list(EFFECTS)
-    out = _detect(names, options.sizes, seeds, options)
-    table(out, names, options.sizes)
-    pooled(out, names, options.sizes)
-    return out
 
 
 def _rate(out, name, size):

@@ -74,7 +74,7 @@ def detection(options):
     failed = [o for o in out if o.verdict.startswith("error")]
     print(f"trials that ended in an error: {len(failed)} {[(o.label, o.seed, o.verdict) for o in failed] or ''}")
     found = [o for o in out[len(seeds) :] if o.good and o.before and o.seed in floors]
-    table(found, names, options.sizes)
+    table(found, names, options.sizes, floors)
     visibility(found, floors)
     precision(found, floors)
     return out
@@ -123,31 +123,16 @@ def precision(found, floors):
               f"after within 1.2 in {100 * np.mean(np.array(ratio) <= 1.2):.0f} % of the runs")
 
 
-def _rate(out, name, size):
-    return [o for o in out if o.label == name and o.size == size and o.good]
-
-
-def limit_of(out, name, sizes):
-    """Smallest size from which on at least 80 % are right at every larger one; None where there is none."""
-    best = None
-    for size in sorted(sizes, reverse=True):
-        group = _rate(out, name, size)
-        if not group or np.mean([o.right for o in group]) < 0.8:
-            break
-        best = size
-    return best
-
-
-def table(out, names, sizes):
-    print(f"{'effect':20s}" + "".join(f"{f'size {a:g}':>12s}" for a in sizes) + "   limit   wrong names (all sizes)")
+def table(found, names, sizes, floors):
+    """Per effect: right of all runs at each size; the least that was named and the most that was missed, in floors; wrong names."""
+    print(f"{'effect':20s}" + "".join(f"{f'size {a:g}':>12s}" for a in sizes) + "   named from   missed up to   wrong names")
     for name in names:
-        cells, extra = "", []
-        for size in sizes:
-            group = _rate(out, name, size)
-            cells += f"{f'{sum(o.right for o in group)}/{len(group)}':>12s}"
-            extra += [f[0] for o in group for f in o.extra]
-        counts = {n: extra.count(n) for n in sorted(set(extra))}
-        print(f"{name:20s}{cells}   {limit_of(out, name, sizes)!s:6s}  {counts or ''}")
+        own = [o for o in found if o.label == name]
+        cells = "".join(f"{f'{sum(o.right for o in group)}/{len(group)}':>12s}" for a in sizes for group in [[o for o in own if o.size == a]])
+        named, missed = ([share(o, floors) for o in own if o.right is right] for right in (True, False))
+        extra = [f[0] for o in own for f in o.extra]
+        print(f"{name:20s}{cells}   {min(named, default=np.nan):10.2f}   {max(missed, default=np.nan):12.2f}   "
+              f"{ {n: extra.count(n) for n in sorted(set(extra))} or ''}")
 
 
 def pairs(options):

@@ -99,7 +99,9 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
     if joints and _worse(torque_error(before, verdict.model), joints, NO_BETTER):
         text = "held-out rows are no better with it"
         withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
-        verdict = evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before)
+        missing = verdict.leftovers or _worse(torque_error(before, verdict.model), joints)
+        answer = Answer.UNEXPLAINED if missing else Answer.COMPLETE
+        verdict = evolve(verdict, answer=answer, findings=(), withdrawn=withdrawn, model=before, best=before)
     return verdict
 
 

@@ -74,6 +74,9 @@ class PositionTorque(Effect):
         return "only its constant differs from zero: a torque offset" if constant else ""
 
 
+FEWEST = 1.4  # cycles of a ripple within the range of the motion
+
+
 class TorqueRipple(Effect):
     """Cogging or torque ripple: periodic in the angle."""
 
@@ -90,7 +93,7 @@ class TorqueRipple(Effect):
         speed = float(np.sqrt(np.mean(scene.motion.dq[:, joints[0]] ** 2)))
         if span < 1e-3 or speed <= 0:
             return ()
-        lowest = 1.5 * 2 * np.pi / span
+        lowest = (FEWEST + 0.1) * 2 * np.pi / span
         highest = min(1.2 / (scene.motion.widths.total * speed), 400.0)
         if highest <= lowest:
             return ()
@@ -116,6 +119,10 @@ class TorqueRipple(Effect):
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         return "" if self.grid(scene, joints) else "the motion is too fast or too small for any ripple to pass the filter"
+
+    def unphysical(self, estimate: Estimate) -> str:
+        cycles = estimate.theta[0] * estimate.scene.angle_range(estimate.joints[0]) / (2 * np.pi)
+        return "" if cycles >= FEWEST else f"{cycles:.2g} cycles in the range of the motion: no period to be seen"
 
 
 class Hysteresis(Effect):

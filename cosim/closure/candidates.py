@@ -1,6 +1,6 @@
 """Candidates: every effect of the library on every set of joints, at the best values of its nonlinear parameters."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 from attrs import evolve, frozen
@@ -84,7 +84,7 @@ def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) 
 
     def loss(x: np.ndarray) -> float:
         trial = evolve(choice, theta=shifted(choice, free, np.clip(x, -BETWEEN, BETWEEN)))
-        found[trial.theta] = normal.gain_of(trial, columns_of(model, trial.effect, trial.joints, trial.theta)) or (0.0, candidate.beta)
+        found[trial.theta] = normal.gain_of(trial) or (0.0, candidate.beta)
         return -found[trial.theta][0]
 
     simplex = np.vstack([np.zeros(len(free)), FIRST_STEP * np.eye(len(free))])
@@ -119,11 +119,6 @@ def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
     return out
 
 
-def columns_of(model: Model, effect: Effect, joints: tuple[int, ...], theta) -> dict[int, np.ndarray]:
-    """Filtered columns for the screening of one theta; none for an effect that acts on the recorded torque instead."""
-    return {} if effect.late else filtered(model.setting, effect, effect.columns(model.scene, joints, theta))
-
-
 def _chunk(model: Model, effect: Effect, joints: tuple[int, ...], thetas):
     full = [effect.columns(model.scene, joints, theta) for theta in thetas]
     touched = {j for columns in full for j in columns}
@@ -151,24 +146,32 @@ class Normal:
         scale = np.where(empty, 0.0, 1 / np.sqrt(np.where(empty, 1.0, size)))
         self.inverse = np.linalg.inv(g * scale[:, None] * scale + np.diag(model.fit.penalty + empty)) * scale[:, None] * scale
 
-    def error(self, joints: tuple[int, ...]) -> float:
+    def error(self, joints: Iterable[int]) -> float:
         """Squared error of the joints' fitted rows."""
         return max(sum(float(self.residual[j] @ self.residual[j]) for j in joints), 1e-300)
 
-    def gain_of(self, choice: Choice, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:
-        """Decrease of the squared error by a choice and its coefficients, screened by its columns or by the torque that it delivers."""
-        return self.gain_of_late(choice) if choice.effect.late else self.gain(columns)
+    def gain_of(self, choice: Choice, columns: dict[int, np.ndarray] | None = None) -> tuple[float, np.ndarray] | None:
+        """Decrease of the squared error by a choice and its coefficients: by the torque that it delivers, or by its filtered columns,
+        which are formed here unless given.
+        """
+        if choice.effect.late:
+            return self.gain_of_late(choice)
+        effect = choice.effect
+        if columns is None:
+            columns = filtered(self.model.setting, effect, effect.columns(self.model.scene, choice.joints, choice.theta))
+        return self.gain(columns)
 
     def gain_of_late(self, choice: Choice) -> tuple[float, np.ndarray]:
         """As `gain`, for an effect that acts on the recorded torque; the error is held against the torque that is left."""
-        model, cross, left, before = self.model, 0.0, 0.0, 0.0
+        model, cross, left = self.model, 0.0, 0.0
         target = delivered_target(model, choice)
         for j in range(model.setting.joints):
             old = model.target[j, self.train] * model.scale[j, self.train, 0]
             new = target[j, self.train] * model.scale[j, self.train, 0]
             if j in choice.joints:
                 new *= np.sqrt(max(old @ old, 1e-300) / max(new @ new, 1e-300))
-            cross, left, before = cross + self.x[j].T @ new, left + new @ new, before + self.residual[j] @ self.residual[j]
+            cross, left = cross + self.x[j].T @ new, left + new @ new
+        before = self.error(range(model.setting.joints))
         return float(before - (left - cross @ self.inverse @ cross)), np.zeros(1)
 
     def gain(self, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:

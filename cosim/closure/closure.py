@@ -96,10 +96,10 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
     if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=verdict.model)
     joints = {j - 1 for f in verdict.findings for j in f.joints if not f.effect.of_time}
-    if joints and _worse(torque_error(before, verdict.model), joints, NO_BETTER):
+    if joints and _worse(error := torque_error(before, verdict.model), joints, NO_BETTER):
         text = "held-out rows are no better with it"
         withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
-        missing = verdict.leftovers or _worse(torque_error(before, verdict.model), joints)
+        missing = verdict.leftovers or _worse(error, joints)
         answer = Answer.UNEXPLAINED if missing else Answer.COMPLETE
         verdict = evolve(verdict, answer=answer, findings=(), withdrawn=withdrawn, model=before, best=before)
     return verdict

@@ -69,8 +69,7 @@ def _percent(model: Model, rows: np.ndarray) -> tuple[float, ...]:
 
 def torque(model: Model) -> np.ndarray:
     """The measured torque (J, m), filtered, with what is known of it."""
-    s = model.setting
-    return model.target + s.rows.filtered(s.known, s.device == "regressor").T
+    return model.target + model.setting.given
 
 
 def _interval(model: Model, rows: np.ndarray) -> tuple[tuple[float, float], ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.closure.model import Model
 from cosim.closure.motion import Motion
-from cosim.closure.smoothing import convolve, kernel, position_noise
+from cosim.closure.smoothing import convolve, kernel, noise_left, position_noise
 from cosim.effects.transmission import slopes
 
 SAME = 0.01  # RMS difference of two cycles of a joint, as a share of its own RMS about the mean
@@ -28,19 +28,13 @@ def floor(model: Model) -> tuple[float | None, ...]:
 
 
 def from_sensors(model: Model) -> np.ndarray | None:
-    """RMS (nj,) [N.m] that the white noise of torque and encoders leaves in the residual; None where the inertia is not known.
-
-    White noise s of a sample stays as s sqrt(h / (2 sqrt(pi) w)) behind a Gaussian of width w, and becomes an acceleration of
-    s sqrt(3 h / (8 sqrt(pi) w^5)).
-    """
+    """RMS (nj,) [N.m] that the white noise of torque and encoders leaves in the residual; None where the inertia is not known."""
     scene, m = model.scene, model.setting.motion
     if scene.rigid_torque is None or not m.differentiated:
         return None
-    w, root = m.widths.total, np.sqrt(np.pi)
-    torque = np.sqrt(np.mean([position_noise(u) ** 2 for u in m.commands], axis=0) * m.sample / (2 * root * w))
-    angle = m.velocity_noise / np.sqrt(m.sample / (4 * root * m.widths.first**3))
+    torque = np.sqrt(np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)) * noise_left(m.widths.total, m.sample)
     inertia = np.array([np.sqrt(np.mean(slopes(scene, j)[2][:, j] ** 2)) for j in range(m.joints)])
-    return np.hypot(torque, inertia * angle * np.sqrt(3 * m.sample / (8 * root * w**5)))
+    return np.hypot(torque, inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2))
 
 
 def _cycles(motion: Motion, a: int, b: int) -> np.ndarray | None:

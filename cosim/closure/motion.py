@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import frozen
 
-from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, position_noise, slope_kernel
+from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, noise_left, position_noise, slope_kernel
 from cosim.measured import Recording, Run
 
 SAMPLED = 0.4  # widths of K that smoothed signals may be sampled at
@@ -18,7 +18,7 @@ class Motion:
     """Signals of all runs below each other, n rows, nj joints, every `stride`-th sample. SI.
 
     step, sample [s] between rows and between recorded samples; time (n,), run (n,) number of the run, test (n,) held out;
-    q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at every sample; regressor (n, p), rigid (n,), other name -> (n,); velocity_noise (nj,) standard deviation of dq from encoder noise.
+    q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at every sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white noise of the encoders [rad].
     """
 
     step: float
@@ -41,7 +41,7 @@ class Motion:
     regressor: np.ndarray | None
     rigid: np.ndarray | None
     other: Mapping[str, np.ndarray]
-    velocity_noise: np.ndarray
+    angle_noise: np.ndarray
     differentiated: bool  # whether dq, ddq come from q (else they were recorded)
 
     @property
@@ -103,7 +103,7 @@ def prepare(recording: Recording, widths: Widths | None = None) -> Motion:
         q_ref=stacked(lambda run: run.q_ref), force=stacked(lambda run: run.force),
         regressor=stacked(lambda run: run.regressor), rigid=stacked(lambda run: run.rigid),
         other={name: np.concatenate([run.other[name][::stride] for run in runs]) for name in runs[0].other},
-        velocity_noise=noise * np.sqrt(sample / (4 * np.sqrt(np.pi) * widths.first**3)),
+        angle_noise=noise,
         differentiated=any(run.dq is None or run.ddq is None for run in runs),
     )  # fmt: skip
 
@@ -161,7 +161,7 @@ def thinned(motion: Motion) -> Rows:
 def standstill_speed(motion: Motion) -> np.ndarray:
     """Speed (nj,) under which a joint counts as standing: four times the encoder noise, at least 0.5 % of the top speed."""
     top = np.percentile(np.abs(motion.dq), 99, axis=0)
-    return np.maximum(4 * motion.velocity_noise, 0.005 * top)
+    return np.maximum(4 * motion.angle_noise * noise_left(motion.widths.first, motion.sample, derivative=1), 0.005 * top)
 
 
 def _usable(motion: Motion, index: np.ndarray, every: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from cosim.measured import Recording
 class Setting:
     """Fixed parts of the problem. Full-rate signals in motion; thinned and filtered: y, slope (J, m), linear (J, m, p), dq (J, m).
 
-    names (p,) of the linear columns; full (n, J, p) the same at the full rate; known (n, J) torque that is taken as given;
+    names (p,) of the linear columns; full (n, J, p) the same at the full rate; known (n, J) torque that is taken as given, given (J, m) the same filtered;
     free_offset: whether the model has a constant of its own.
     """
 
@@ -26,6 +26,7 @@ class Setting:
     known: np.ndarray
     linear: np.ndarray
     viscous: np.ndarray
+    given: np.ndarray
     y: np.ndarray
     slope: np.ndarray
     use: np.ndarray
@@ -46,9 +47,7 @@ class Setting:
 
     def targets(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Filtered torque tau (n, J) less what is known of it, and its slope, both (J, m)."""
-        rows = self.rows
-        known = rows.filtered(self.known, self.device == "regressor")
-        return (rows.filtered(tau, False) - known).T, rows.filtered(self.motion.rate(tau), False).T
+        return _targets(self.motion, self.rows, tau, self.given)
 
     def sign(self, joint: int, law: Law) -> np.ndarray:
         """K F of the joint's smooth sign (m,)."""
@@ -62,13 +61,18 @@ def pose(recording: Recording, motion: Motion, rows: Rows) -> Setting:
     names, full, known = _COLUMNS[recording.device](motion, description, declared)
     raw_columns = recording.device == "regressor"
     linear = np.stack([rows.filtered(full[:, j], sharp=raw_columns) for j in range(motion.joints)])
-    target = rows.filtered(motion.tau, False) - rows.filtered(known, raw_columns)
+    given = rows.filtered(known, raw_columns).T
+    y, slope = _targets(motion, rows, motion.tau, given)
     gravity = -9.81 if description.configuration.startswith("USD") else 9.81
     return Setting(
         device=recording.device, motion=motion, rows=rows, names=names, full=full, known=known, linear=linear,
-        viscous=rows.filtered(motion.dq, False).T, y=target.T, slope=rows.filtered(motion.rate(motion.tau), False).T,
+        viscous=rows.filtered(motion.dq, False).T, y=y, slope=slope, given=given,
         use=rows.moving.T.copy(), declared_pi=declared, gravity=gravity, labels=recording.joints, units=description.columns.other,
     )  # fmt: skip
+
+
+def _targets(motion: Motion, rows: Rows, tau: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return rows.filtered(tau, False).T - given, rows.filtered(motion.rate(tau), False).T
 
 
 def without(setting: Setting, use: np.ndarray) -> Setting:

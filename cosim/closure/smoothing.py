@@ -73,17 +73,20 @@ def position_noise(q: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(np.diff(np.asarray(q), n=6, axis=0) ** 2, axis=0) / 924.0)
 
 
-def choose_widths(q_runs: list[np.ndarray], step: float) -> Widths:
-    """The shortest smoothing for which position noise stays under `NOISE_SHARE` of the acceleration, over all joints.
+def noise_left(width: float, step: float, derivative: int = 0) -> float:
+    """Standard deviation of white noise of one, sampled every `step` s, in a derivative (0 to 2) behind a Gaussian of `width` s."""
+    root = np.sqrt(np.pi)
+    return float(np.sqrt((step / (2 * root * width), step / (4 * root * width**3), 3 * step / (8 * root * width**5))[derivative]))
 
-    White noise s of the position gives the acceleration the variance s^2 step 3 / (8 sqrt(pi) width^5).
-    """
+
+def choose_widths(q_runs: list[np.ndarray], step: float) -> Widths:
+    """The shortest smoothing for which position noise stays under `NOISE_SHARE` of the acceleration, over all joints."""
     noise = np.sqrt(np.mean([position_noise(q) ** 2 for q in q_runs], axis=0))
     floor = max(TOTALS[0], 3.0 * step)
     choices = [t for t in TOTALS if t >= floor] or [floor]
     for total in choices:
         first = max(total / 2, 1.5 * step)
-        made = noise * np.sqrt(step * 3 / (8 * np.sqrt(np.pi) * total**5))
+        made = noise * noise_left(total, step, derivative=2)
         weights = curve_kernel(total / step)
         moved = np.sqrt(np.mean(np.concatenate([convolve(q, weights) for q in q_runs]) ** 2, axis=0)) / step**2
         if (made <= NOISE_SHARE * np.maximum(moved, 1e-12)).all():

@@ -22,12 +22,6 @@ BETTER = 3.0  # standard errors by which a nameless function has to beat all nam
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
 
-RELATIVES = {
-    "time_delay": ("actuator_lag", "backlash"), "actuator_lag": ("time_delay", "joint_elasticity"), "backlash": ("joint_elasticity", "time_delay"),
-    "joint_elasticity": ("backlash", "actuator_lag"), "hysteresis": ("joint_elasticity", "backlash"),
-}  # fmt: skip
-
-
 class Answer(Enum):
     """The four answers of the contract."""
 
@@ -73,7 +67,7 @@ class Finding:
         """
         inherent = [alias.name for alias in self.effect.aliases if alias.always]
         close = [rival.evidence.name for rival in self.indistinguishable]
-        relatives = RELATIVES.get(self.name, ()) if self.rest else ()
+        relatives = self.effect.relatives if self.rest else ()
         return tuple(dict.fromkeys((*inherent, *close, *relatives)))[:LISTED]
 
     @property

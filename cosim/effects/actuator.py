@@ -14,6 +14,7 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 
 _FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
+_BEHIND = (Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
 USUAL = 0.4  # share of commands beyond a limit or within a dead band, above which it is neither but the usual torque
 
@@ -68,7 +69,8 @@ class ActuatorLag(Late):
     title = "actuator lag"
     equation = "T d(tau)/dt = u - tau"
     source = "electrical time constant of motor and amplifier"
-    aliases = (Alias("time_delay", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+    aliases = (Alias("time_delay", _FAST, always=True), *_BEHIND)
+    relatives = ("time_delay", "joint_elasticity")
 
     def delivered(self, motion, torque, theta):
         from scipy.signal import bilinear, lfilter, lfilter_zi
@@ -85,7 +87,8 @@ class TimeDelay(Late):
     title = "time delay of the torque"
     equation = "tau(t) = u(t - d)"
     source = "bus, sampling and computing time"
-    aliases = (Alias("actuator_lag", _FAST, always=True), Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+    aliases = (Alias("actuator_lag", _FAST, always=True), *_BEHIND)
+    relatives = ("actuator_lag", "backlash")
 
     def delivered(self, motion, torque, theta):
         return motion.advanced(torque, -theta[0], order=3)

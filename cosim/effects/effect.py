@@ -92,6 +92,7 @@ class Effect(ABC):
     amplitude: bool = False  # the coefficients are the parts of one amplitude, such as sine and cosine
     slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost
     aliases: tuple[Alias, ...] = ()
+    relatives: tuple[str, ...] = ()  # names that decide by details: not told from this one where a rest without a name is left
     needs: str = ""  # what the data must hold
 
     @property

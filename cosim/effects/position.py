@@ -136,6 +136,7 @@ class Hysteresis(Effect):
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
     )
+    relatives = ("joint_elasticity", "backlash")
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         return tuple((float(x),) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))

@@ -80,6 +80,7 @@ class JointElasticity(Effect):
     sharp = False
     dynamic = True
     aliases = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
+    relatives = ("backlash", "actuator_lag")
     needs = "fast excitation, or gravity that changes with the angle"
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
@@ -135,6 +136,7 @@ class Backlash(JointElasticity):
     source = "Nordin, Gutman 2002, Automatica 38(10)"
     sharp = True
     aliases = (Alias("joint_elasticity", _OTHER), Alias("hysteresis", _OTHER), Alias("time_delay", _OTHER))
+    relatives = ("joint_elasticity", "time_delay")
     needs = "a transmitted torque that changes sign"
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:

@@ -144,7 +144,7 @@ def two(first, second, size, seed):
     one = hidden(first, size, seed)
     joints = JOINTS.get(second, (1, 2, 3))
     joint = joints[(seed // 3) % len(joints)]
-    plant = replace(one.plant, **{k: v for k, v in EFFECTS[second](joint, size).items()})
+    plant = replace(one.plant, **EFFECTS[second](joint, size))
     truth = {**one.truth, second: {1, 2, 3} if second in ARM_WIDE else {joint}}
     return Case(f"{first}+{second}", plant, truth, size)
 

@@ -32,6 +32,7 @@ RIG = {
     "ripple_order": 7.0,
     "hysteresis": 0.2,
     "hysteresis_length": 0.05,
+    "hysteresis_exponent": 0.7,
     "quadratic_drag": 0.02,
     "friction_drift": 0.1,
     "torque_gain": 0.05,
@@ -85,7 +86,7 @@ def rig_rate(p: dict, h: float):
         return [
             v,
             (tau - friction - required - gravity) / p["inertia"],
-            (v - abs(v) * z) / p["hysteresis_length"],
+            v * max(1 - z * np.sign(v), 0.0) ** p["hysteresis_exponent"] / p["hysteresis_length"],
             (command - tau) / p["actuator_lag"],
         ]
 

@@ -1,4 +1,4 @@
-"""The project's own sine, cosine and exponential: accuracy against 50 digits, the same bits in vector lanes."""
+"""The project's own sine, cosine, exponential and logarithm: accuracy against 50 digits, the same bits in vector lanes."""
 
 import ctypes
 
@@ -9,31 +9,33 @@ from model_harness import compile_library
 
 SCALAR = """
 #include "elementary.h"
-void evaluate(const double *a, int n, double *s, double *c, double *e)
-{ for (int i = 0; i < n; i++) { sincos_real(a[i], s + i, c + i); e[i] = exp_real(a[i]); } }
+void evaluate(const double *a, int n, double *s, double *c, double *e, double *l)
+{ for (int i = 0; i < n; i++) { sincos_real(a[i], s + i, c + i); e[i] = exp_real(a[i]); l[i] = log_real(a[i]); } }
 """
 LANES = """
 #define REAL_LANES 4
 #include "elementary.h"
-void evaluate(const double *a, int n, double *s, double *c, double *e)
+void evaluate(const double *a, int n, double *s, double *c, double *e, double *l)
 {
     for (int i = 0; i < n; i += REAL_LANES) {
-        real x, p, q, r;
+        real x, p, q, r, t;
         memcpy(&x, a + i, sizeof x);
         sincos_real(x, &p, &q);
         r = exp_real(x);
+        t = log_real(x);
         memcpy(s + i, &p, sizeof p); memcpy(c + i, &q, sizeof q); memcpy(e + i, &r, sizeof r);
+        memcpy(l + i, &t, sizeof t);
     }
 }
 """
 
 
 def evaluate(source: str, values: np.ndarray, flags: tuple[str, ...] = ()) -> np.ndarray:
-    """(3, n): sine, cosine, exponential."""
-    out = np.zeros((3, len(values)))
+    """(4, n): sine, cosine, exponential, logarithm."""
+    out = np.zeros((4, len(values)))
     point = lambda a: a.ctypes.data_as(ctypes.c_void_p)  # noqa: E731
     values = np.ascontiguousarray(values)
-    compile_library(source, flags).evaluate(point(values), len(values), point(out[0]), point(out[1]), point(out[2]))
+    compile_library(source, flags).evaluate(point(values), len(values), *map(point, out))
     return out
 
 
@@ -62,7 +64,7 @@ def hard_angles() -> np.ndarray:
 
 def test_sine_and_cosine_are_within_one_unit_in_the_last_place():
     angles = hard_angles()
-    sine, cosine, _ = evaluate(SCALAR, angles)
+    sine, cosine, *_ = evaluate(SCALAR, angles)
     with mpmath.workdps(50):
         exact = [(mpmath.sin(mpmath.mpf(float(a))), mpmath.cos(mpmath.mpf(float(a)))) for a in angles]
     # fdlibm's bound for its kernels is 0.8 ulp with the reduction's tail carried along
@@ -79,8 +81,16 @@ def test_exponential_is_within_one_unit_in_the_last_place():
     assert ulps(evaluate(SCALAR, values)[2], exact) < 1.0  # e_exp.c states "< 1 ulp"
 
 
+def test_logarithm_is_within_one_unit_in_the_last_place():
+    random = np.random.default_rng(5)
+    values = np.concatenate([10.0 ** random.uniform(-300, 300, 2000), random.uniform(0.5, 2, 1000), 1 + random.uniform(-1, 1, 500) * 1e-9, [1.0]])
+    with mpmath.workdps(50):
+        exact = [mpmath.log(mpmath.mpf(float(a))) for a in values]
+    assert ulps(evaluate(SCALAR, values)[3], exact) < 1.0  # e_log.c states "< 1 ulp"
+
+
 def test_special_values():
-    sine, cosine, power = evaluate(SCALAR, np.array([0.0, -0.0, np.nan, np.inf, -np.inf, 1e7, -710.0, 710.0]))
+    sine, cosine, power, _ = evaluate(SCALAR, np.array([0.0, -0.0, np.nan, np.inf, -np.inf, 1e7, -710.0, 710.0]))
     assert sine[0] == 0 and np.signbit(sine[1]) and cosine[0] == cosine[1] == power[0] == 1
     assert np.isnan(sine[2:6]).all() and np.isnan(cosine[2:6]).all()
     assert np.isnan(power[2]) and power[3] == np.inf and power[4] == 0 and power[6] == 0 and power[7] == np.inf

@@ -57,7 +57,7 @@ def weigh(model: Model, candidate: Candidate, trials: int, passes: int = 1) -> E
     return Evidence(
         candidate, new, beta, estimate.std, min(_p_value(amount, cov, len(fitted)) * trials, 1.0),
         fitted.sum() / max(before[0][:, joints].sum(), 1e-300), held.sum() / max(before[1][:, joints].sum(), 1e-300),
-        _t(fitted), _t(held), _size(model, new, joints), candidate.reason or candidate.choice.effect.unphysical(estimate),
+        standard_errors(fitted), standard_errors(held), _size(model, new, joints), candidate.reason or candidate.choice.effect.unphysical(estimate),
     )  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def _p_value(beta: np.ndarray, cov: np.ndarray, blocks: int) -> float:
     return float(f.sf(wald / k * dof / max(blocks - 1, 1), k, dof))
 
 
-def _t(difference: np.ndarray) -> float:
+def standard_errors(difference: np.ndarray) -> float:
     """How surely the paired differences per block are positive, in standard errors: the larger of Student's t and Wilcoxon's z.
 
     Wilcoxon's signed ranks see an improvement that a few blocks hold most of, where t does not.

@@ -9,7 +9,7 @@ from attrs import evolve, field, frozen
 from cosim.closure.aliases import LISTED, Rival, indistinguishable, rivals
 from cosim.closure.candidates import Candidate
 from cosim.closure.dependence import Leftover, corrected, in_place, leftovers
-from cosim.closure.evidence import Evidence, weigh
+from cosim.closure.evidence import Evidence, standard_errors, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished
 from cosim.effects import Effect, Estimate
@@ -183,8 +183,7 @@ def _unnamed_better(base: Model, model: Model, joint: int) -> str:
     other = _joint_error(rival, joint)
     if without - error.sum() > SETTLED * (without - other.sum()) or other.sum() > LOWER * error.sum():
         return ""
-    difference = error - other
-    t = difference.mean() / max(difference.std(ddof=1) / np.sqrt(len(difference)), 1e-300)
+    t = standard_errors(error - other)
     return f"a smooth function of {' and '.join(rival.choices[-1].effect.signals)} does clearly better (t = {t:.1f})" if t > BETTER else ""
 
 

@@ -130,52 +130,58 @@ class Hysteresis(Effect):
 
     name = "hysteresis"
     title = "hysteresis (presliding, cable)"
-    equation = "tau += h z, dz/dt = (dq - |dq| z) / length, h > 0"
+    equation = "tau += h z, dz/dt = dq (1 - z sgn(dq))^n / length, h > 0"
     source = "Dahl 1968, TOR-158(3107-18)"
     aliases = (
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
     )
     relatives = ("joint_elasticity", "backlash")
+    EXPONENTS = (1.0, 0.5)  # to start from, of 0 (elasto-plastic) to 1 (exponential)
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        return tuple((float(x),) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
+        return tuple((float(x), n) for n in self.EXPONENTS for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
 
     def continuous(self, theta):
-        return (0,)
+        return (0, 1)
+
+    def moved(self, theta, index, step):
+        length, exponent = super().moved(theta, 0, step) if index == 0 else (theta[0], theta[1] + step)
+        return (length, float(np.clip(exponent, 0.0, 1.0)))
 
     def columns(self, scene, joints, theta):
-        return {joints[0]: dahl(scene.motion, joints[0], theta[0])[:, None]}
+        return {joints[0]: dahl(scene.motion, joints[0], *theta)[:, None]}
 
     def labels(self, joints, theta):
         return (per_joint("hysteresis", joints),)
 
     def theta_labels(self, joints):
-        return (per_joint("hysteresis_length", joints),)
+        return (per_joint("hysteresis_length", joints), per_joint("hysteresis_exponent", joints))
 
     def unphysical(self, estimate: Estimate) -> str:
         return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
 
 
-def dahl(motion, joint: int, length: float) -> np.ndarray:
-    """State z (n,) of dz/dt = (dq - |dq| z) / length over each run, exact for a constant direction between samples.
+def dahl(motion, joint: int, length: float, exponent: float = 1.0) -> np.ndarray:
+    """State z (n,) of dz/dt = dq (1 - z sgn(dq))^n / length over each run, exact for a constant direction between samples.
 
-    Between samples the joint moves by d: z' = sgn(d) + (z - sgn(d)) exp(-|d| / length). Moves below the standstill noise count too.
+    Over a distance d in one direction u = 1 - z sgn(dq) falls to u exp(-d / length) for n = 1, else
+    u^(1-n) to u^(1-n) - (1 - n) d / length, until nothing is left. Moves below the standstill noise count too.
     """
     out = np.empty(len(motion.time))
     for a, b in motion.bounds:
-        move = np.diff(motion.q[a:b, joint], prepend=motion.q[a, joint])
-        out[a:b] = _relaxed(np.sign(move), np.exp(-np.abs(move) / length))
+        move = np.diff(motion.q[a:b, joint], prepend=motion.q[a, joint]) / length
+        edges = np.r_[0, np.flatnonzero(np.diff(np.sign(move)) != 0) + 1, b - a]
+        z = 0.0
+        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+            toward, gone = np.sign(move[start]), np.cumsum(np.abs(move[start:stop]))
+            out[a + start : a + stop] = toward - toward * _left(1 - toward * z, gone, exponent) if toward else z
+            z = out[a + stop - 1]
     return out
 
 
-def _relaxed(target: np.ndarray, keep: np.ndarray) -> np.ndarray:
-    """z_k = target_k + (z_(k-1) - target_k) keep_k, from 0; closed form over stretches of constant target."""
-    out = np.empty(len(target))
-    edges = np.r_[0, np.flatnonzero(np.diff(target) != 0) + 1, len(target)]
-    z, log_keep = 0.0, np.log(np.maximum(keep, 1e-300))
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
-        fade = np.exp(np.cumsum(log_keep[start:stop]))
-        out[start:stop] = target[start] + (z - target[start]) * fade
-        z = out[stop - 1]
-    return out
+def _left(u: float, gone: np.ndarray, exponent: float) -> np.ndarray:
+    """What is left of u after each distance, in lengths."""
+    if exponent == 1:
+        return u * np.exp(-gone)
+    return np.maximum(u ** (1 - exponent) - (1 - exponent) * gone, 0.0) ** (1 / (1 - exponent))

@@ -18,6 +18,7 @@ def _tip(motion) -> tuple[np.ndarray, np.ndarray]:
     return _PLACES[motion]
 
 
+DAMPED = 0.15  # of a wall's spring force: a damping below that is not told from none, whatever its sign
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
@@ -104,8 +105,17 @@ class ExternalContact(Effect):
         columns = np.stack((np.maximum(depth, 0.0), np.where(depth > 0, speed, 0.0)), axis=1)
         return {j: arm[:, [j]] * columns for j in range(3)}
 
+    def _damped(self, estimate: Estimate) -> float:
+        """Size of the force of damping beside that of the spring."""
+        spring, damping = (np.concatenate(list(self.columns(estimate.scene, estimate.joints, estimate.theta).values())) * estimate.beta).T
+        return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
+
     def labels(self, joints, theta):
         return ("contact_stiffness", "contact_damping")
+
+    def parameters(self, estimate: Estimate) -> dict[str, float]:
+        values = super().parameters(estimate)
+        return values | {"contact_damping": max(values["contact_damping"], 0.0)}
 
     def theta_labels(self, joints):
         return ("contact_normal[1]", "contact_normal[2]", "contact_normal[3]", "contact_distance")
@@ -113,7 +123,7 @@ class ExternalContact(Effect):
     def unphysical(self, estimate: Estimate) -> str:
         if estimate.beta[0] < 0:
             return "a wall that pulls"
-        if estimate.beta[1] < 0:
+        if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
             return "damping of the wall that feeds energy in"
         x, _ = _tip(estimate.scene.motion)
         inside = float((x @ np.array(estimate.theta[:3]) > estimate.theta[3]).mean())

@@ -19,8 +19,8 @@
     F(coulomb_asymmetry) F(viscous_asymmetry) F(torque_offset) F(load_friction) F(position_friction_sin) \
     F(position_friction_cos) F(position_torque) F(position_torque_quadratic) F(position_torque_cubic) \
     F(position_torque_sin) F(position_torque_cos) F(ripple_sin) F(ripple_cos) F(ripple_order) F(hysteresis) \
-    F(hysteresis_length) F(quadratic_drag) F(friction_drift) F(torque_gain) F(torque_deadband) F(torque_saturation) \
-    F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
+    F(hysteresis_length) F(hysteresis_exponent) F(quadratic_drag) F(friction_drift) F(torque_gain) F(torque_deadband) \
+    F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
     F(encoder_resolution) F(encoder_offset)
 /* clang-format on */
 
@@ -94,9 +94,11 @@ static inline double joint_required(const Joint *j, double q, double dq, double 
     return torque;
 }
 
-/* dz/dt = (dq - |dq| z)/length, z kept within +-1 (1/s): bounded even where |dq| h > length. */
+/* dz/dt = dq (1 - z sgn(dq))^n / length, z kept within +-1 (1/s): bounded even where |dq| h > length. */
 static inline double joint_hysteresis_rate(const Joint *j, double dq, double z) {
-    return (dq - fabs(dq) * real_clamp(z, -1.0, 1.0)) / j->hysteresis_length;
+    const double within = real_clamp(z, -1.0, 1.0), left = 1.0 - (dq < 0 ? -within : within);
+    if (j->hysteresis_exponent == 1) return (dq - fabs(dq) * within) / j->hysteresis_length;
+    return left > 0 ? dq * exp_real(j->hysteresis_exponent * log_real(left)) / j->hysteresis_length : 0.0;
 }
 
 /* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left

@@ -16,7 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 @dataclass
 class Outcome:
-    """Verdict of the tool on one run; errors are held-out RMS% of the moving rows of the joint with the effect."""
+    """Verdict of the tool on one run; errors per joint are RMS of the held-out moving rows before and after [N.m]."""
 
     label: str
     size: float
@@ -59,6 +59,14 @@ def recording(run: Measured, case: Case):
     return Recording(description, (one,))
 
 
+def held_torque(model) -> list[float]:
+    """RMS of the torque of the held-out moving rows, per joint [N.m]."""
+    from cosim.closure.errors import torque
+
+    rows = model.setting.rows
+    return [float(np.sqrt(np.mean(y[rows.test & m] ** 2))) for y, m in zip(torque(model), rows.moving.T, strict=True)]
+
+
 def judge(task) -> dict:
     """Close the loop on one run; a plain dictionary, for other processes."""
     from cosim.closure.closure import Options, close_loop
@@ -81,7 +89,8 @@ def judge(task) -> dict:
         out.parameters |= f.parameters
         out.interval |= {k: list(v) for k, v in f.interval.items()}
     if closure.error is not None:
-        out.before, out.after = list(closure.error.before), list(closure.error.after)
+        whole = held_torque(closure.before)
+        out.before, out.after = ([float(e / 100 * w) for e, w in zip(errors, whole, strict=True)] for errors in (closure.error.before, closure.error.after))
         nj = closure.before.setting.joints
         p = len(closure.before.setting.names)
         out.viscous = [float(v) for v in closure.before.fit.beta[p : p + nj]]

@@ -14,6 +14,10 @@ from cosim.effects import BUILT_IN, library
 from cosim.effects.position import dahl
 from cosim.errors import InputError
 from cosim.measured import Description, Recording, Run, parse_description
+from tests.rig.cases import hidden
+from tests.rig.experiment import record
+from tests.rig.study import experiment
+from tests.rig.trial import recording
 
 CONTRACT = """stribeck coulomb_asymmetry viscous_asymmetry torque_offset load_friction position_friction position_torque torque_ripple
 hysteresis quadratic_drag actuator_lag time_delay torque_gain torque_saturation torque_deadband joint_elasticity backlash payload base_tilt
@@ -146,7 +150,30 @@ def test_effects_file_starts_the_next_pass(tmp_path):
     previous = effects_file.load(file, library())
     second = close_loop(still(tau), Options(previous=previous, replayed=False))
     assert second.error.before[0] == pytest.approx(first.error.after[0], rel=0.05)
-    assert second.verdict.answer in (Answer.COMPLETE, Answer.FOUND)
+    assert second.verdict.answer is Answer.COMPLETE and [f.earlier for f in second.verdict.findings] == [True]
+    again, start = second.effect_values["viscous_asymmetry"], first.effect_values["viscous_asymmetry"]
+    assert again == pytest.approx(start, rel=0.1)  # kept for the pass after it
+
+
+def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_names():
+    case, setting = hidden("stribeck", 4.0, 303), experiment(303)
+    (run,) = record([case.plant], [setting], 30.0)
+    half = len(run.time) // 2
+    other = next(j for j in range(3) if j + 1 not in case.truth["stribeck"])
+    run.q[half:, other], run.tau[half:, other] = run.q[half, other], 0.0
+    found = close_loop(recording(run, case), Options(replayed=False))
+    assert [(f.name, set(f.joints)) for f in found.verdict.findings] == [("stribeck", case.truth["stribeck"])]
+    assert np.isnan(found.error.after[other])
+
+
+def test_friction_behind_a_torque_gain_is_the_joints_own():
+    case, setting = hidden("torque_gain", 4.0, 304), experiment(304)
+    (run,) = record([case.plant], [setting], 30.0)
+    found = close_loop(recording(run, case), Options(replayed=False))
+    (gain,) = found.verdict.findings
+    joint = gain.joints[0] - 1
+    assert gain.parameters[f"torque_gain[{joint + 1}]"] == pytest.approx(case.plant.gain[joint], abs=0.01)
+    assert found.values_after["coulomb"][joint] == pytest.approx(case.plant.coulomb[joint], rel=0.05)
 
 
 def test_unknown_names_in_an_effects_file_are_told(tmp_path):

@@ -50,15 +50,17 @@ def test_the_link_follows_its_differential_equation(gap):
 
 
 @lru_cache
-def closed(name: str):
-    """What close-loop says of 40 s of the identification experiment on an arm with hidden parameters."""
+def closed(name: str, runs: int = 1):
+    """What close-loop says of 40 s of the identification experiment on an arm with hidden parameters, cut into runs."""
     changes = {"experiment.stop": 40.0} | {f"arm.{k}": v for k, v in HIDDEN[name].items()}
     scenario = with_parameters(load_scenario("identification"), changes)
     with open_system(scenario) as system:
         result = run(scenario, system)
     time = np.asarray(result.time)
-    one = Run("arm", time, result.vector("arm.q"), result.vector("controller.tau"), np.arange(len(time)) >= len(time) // 2)
-    return close_loop(Recording(Description(), (one,)), Options(replayed=False))
+    held = np.arange(len(time)) >= len(time) // 2
+    parts = [Run(f"arm{k}", *(x[rows] for x in (time, result.vector("arm.q"), result.vector("controller.tau"), held)))
+             for k, rows in enumerate(np.array_split(np.arange(len(time)), runs))]  # fmt: skip
+    return close_loop(Recording(Description(), tuple(parts)), Options(replayed=False))
 
 
 HIDDEN = {
@@ -80,6 +82,20 @@ def test_an_effect_between_command_and_link_comes_back_from_the_fmus_recording(n
             low, high = finding.interval[label]
             assert low <= truth <= high, (label, truth, low, high)
             assert finding.parameters[label] == pytest.approx(truth, rel=0.15)
+
+
+def test_an_elastic_joint_is_named_from_runs_that_start_in_motion():
+    whole, cut = (closed("joint_elasticity", runs).verdict.findings for runs in (1, 4))
+    assert [f.name for f in cut] == ["joint_elasticity"]
+    label = "joint_compliance[1]"
+    assert cut[0].parameters[label] == pytest.approx(whole[0].parameters[label], rel=0.05)
+
+
+def test_a_heavily_damped_link_stays_stable():
+    model = closed("joint_elasticity").before
+    column = behind(model.scene, 0, w=100.0, z=6.0, share=0.9)[0]
+    # c t' + k t = torque: heavily damped, it follows with a time constant 2 z / w; what the column holds is that filter's error
+    assert 0 < np.std(column[:, 0]) < 2 * np.std(model.scene.rigid[:, 0])
 
 
 def test_a_link_that_gravity_pulls_off_its_spring_is_no_column():

@@ -40,7 +40,7 @@ def _finding(found: Finding) -> dict:
         "interval": {name: list(pair) for name, pair in found.interval.items()},
         "indistinguishable_from": list(found.aliases), "separated_by": found.separated_by,
         "evidence": evidence(found.evidence) | {
-            "equation": found.effect.equation, "source": found.effect.source,
+            "equation": found.effect.equation, "source": found.effect.source, "earlier_pass": found.earlier,
             "also_close": [r.evidence.name for r in found.indistinguishable][len(found.aliases):],
             "rivals": [{"name": r.evidence.name, "joints": [j + 1 for j in r.evidence.joints], "worse_by_standard_errors": _number(r.worse)}
                        for r in found.rivals[:6]],

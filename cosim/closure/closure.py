@@ -9,6 +9,7 @@ from attrs import evolve, field, frozen
 from cosim.closure import effects_file
 from cosim.closure.errors import TorqueError, torque_error
 from cosim.closure.floor import floor
+from cosim.closure.friction import algebraic
 from cosim.closure.model import Choice, Model, complete, with_choices
 from cosim.closure.motion import prepare, thinned
 from cosim.closure.refusal import circular, motion_refusals
@@ -95,29 +96,30 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
     """Nothing is added that makes held-out rows of its joints worse, with reversals and without; no names that make them no better."""
     if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=verdict.model)
-    joints = {j - 1 for f in verdict.findings for j in f.joints if not f.effect.of_time}
+    earlier, new = ([f for f in verdict.findings if f.earlier is kind] for kind in (True, False))
+    joints = {j - 1 for f in new for j in f.joints if not f.effect.of_time}
     if joints and _worse(error := torque_error(before, verdict.model), joints, NO_BETTER):
         text = "held-out rows are no better with it"
-        withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
+        withdrawn = (*verdict.withdrawn, *((f, text) for f in new))
         missing = verdict.leftovers or _worse(error, joints)
         answer = Answer.UNEXPLAINED if missing else Answer.COMPLETE
-        verdict = evolve(verdict, answer=answer, findings=(), withdrawn=withdrawn, model=before, best=before)
+        verdict = evolve(verdict, answer=answer, findings=tuple(earlier), withdrawn=withdrawn, model=before, best=before)
     return verdict
 
 
 def _worse(error: TorqueError, joints: set[int], limit: float = 1.01) -> bool:
     """Whether the mean ratio of after to before over the joints is above a limit, with reversals and without."""
-    if not joints:
-        return False
-    moving, every = ([b[j] / max(a[j], 1e-12) for j in joints] for a, b in ((error.before, error.after), (error.all_before, error.all_after)))
-    return bool(np.mean(moving) > limit and np.mean(every) > limit)
+    moving = [j for j in joints if np.isfinite(error.before[j])]
+    pairs = ((error.before, error.after), (error.all_before, error.all_after))
+    return bool(moving) and all(np.mean([after[j] / max(before[j], 1e-12) for j in moving]) > limit for before, after in pairs)
 
 
 def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:
     """No names where even the best model leaves more than half of the torque of every joint."""
-    if verdict.answer is Answer.REFUSED or min(error.after) <= POOR:
+    least = min((e for e in error.after if np.isfinite(e)), default=0.0)
+    if verdict.answer is Answer.REFUSED or least <= POOR:
         return verdict
-    text = f"the model explains less than half of the held-out torque (RMS error {min(error.after):.0f} %): no effect can be named"
+    text = f"the model explains less than half of the held-out torque (RMS error {least:.0f} %): no effect can be named"
     withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
     return evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before,
                   warnings=(*verdict.warnings, text))  # fmt: skip
@@ -130,8 +132,11 @@ def _values(recording: Recording, model: Model) -> dict:
     named = dict(zip(model.names, map(float, model.fit.beta), strict=False))
     if model.setting.declared_pi is not None:
         named |= {f"pi[{k + 1}]": float(v) for k, v in enumerate(model.setting.declared_pi)}
-    widths = {f"coulomb_velocity[{j + 1}]": max(law.width, 1e-3 * _top(model, j)) for j, law in enumerate(model.laws)}
-    labels = named | widths
+    labels = named
+    for j, law in enumerate(model.laws):
+        level, width = algebraic(law, model.setting.motion.dq[:, j])
+        labels[f"coulomb[{j + 1}]"] *= level
+        labels[f"coulomb_velocity[{j + 1}]"] = max(width, 1e-3 * _top(model, j))
     for number, choice in enumerate(model.choices):
         if choice.effect.name != "unknown":
             for name, value in intervals(model, number)[0].items():

@@ -40,6 +40,7 @@ class Finding:
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
     rest: bool = False  # something is left on its joint without a name
+    earlier: bool = False  # of an earlier pass: the model was started from it
 
     @property
     def effect(self) -> Effect:
@@ -99,7 +100,9 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     left = leftovers(model, rule)
     reasons = _withdrawals(model, left, rule)
     progress("comparing each effect with its rivals")
-    findings = [finding(model, k, effects, rule, selection.trials) for k in range(len(model.choices))]
+    earlier = {choice.key for choice in selection.before.choices}
+    findings = [evolve(finding(model, k, effects, rule, selection.trials), earlier=choice.key in earlier)
+                for k, choice in enumerate(model.choices)]  # fmt: skip
     reasons = _unphysical(model) | reasons
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
@@ -125,7 +128,7 @@ def _unphysical(model: Model) -> dict[int, str]:
 def _answer(kept, withdrawn, left, model: Model) -> Verdict:
     best = corrected(model, left) if left else model
     ordered = tuple(sorted(kept, key=lambda f: -f.evidence.gain_fit * f.evidence.size))
-    if ordered:
+    if any(not f.earlier for f in ordered):
         answer = Answer.FOUND
     else:
         answer = Answer.UNEXPLAINED if left or withdrawn else Answer.COMPLETE

@@ -15,6 +15,7 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 _FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
 _BEHIND = (Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
+LONGEST = 0.06  # s, of lags and delays that a torque loop may have
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
 USUAL = 0.4  # share of commands beyond a limit or within a dead band, above which it is neither but the usual torque
 
@@ -36,7 +37,7 @@ class Late(Effect):
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         step = scene.motion.sample
-        return tuple((float(d),) for d in np.geomspace(2 * step, max(60 * step, 0.06), 10))
+        return tuple((float(d),) for d in np.geomspace(2 * step, max(6 * step, LONGEST), 10))
 
     def continuous(self, theta):
         return (0,)
@@ -104,6 +105,7 @@ class TorqueGain(Effect):
     source = "torque constant, amplifier; Taati et al. 2008 divide the command by about 2.7"
     unit = "1"
     sharp = False
+    dynamic = True
     aliases = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise the gain is absorbed in the parameters"
 
@@ -111,7 +113,7 @@ class TorqueGain(Effect):
         return "" if scene.declared else "absorbed in the fitted parameters: declare them to see it"
 
     def columns(self, scene, joints, theta):
-        return {joints[0]: -scene.rigid[:, joints]}
+        return {joints[0]: -scene.prediction[:, joints]}
 
     def labels(self, joints, theta):
         return (per_joint("torque_gain", joints),)

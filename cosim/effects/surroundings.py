@@ -153,7 +153,7 @@ class JointCoupling(Effect):
             return {joints[0]: self._beside(scene, int(-theta[0] - 1), self.SHARED[int(theta[1])])}
         j, shape = int(theta[0]), self.SHAPES[int(theta[1])]
         dq, s, q = scene.motion.dq[:, [j]], scene.sign[:, [j]], scene.motion.q[:, [j]]
-        parts = {"viscous": (dq,), "coulomb": (s,), "both": (dq, s), "spring": (q - q.mean(),)}[shape]
+        parts = {"viscous": (dq,), "coulomb": (s,), "both": (dq, s), "spring": (q,)}[shape]
         return {joints[0]: np.concatenate(parts, axis=1)}
 
     def _beside(self, scene: Scene, number: int, shape: str) -> np.ndarray:

@@ -9,6 +9,7 @@ from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from attrs import frozen
 
 from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
 
@@ -17,7 +18,9 @@ _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
 STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
-SMALL = 0.2  # step of the simulated link times w
+STARTS = 10  # runs whose start has columns of its own
+EDGE, SLIDING = 3.5, 0.9  # filter widths of a run's edge; mean sign of the speed there, above which the joint moves
+SMALL, CALM = 0.2, 0.5  # step of the simulated link times w, and times the rate at which damping alone calms it
 STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
 
 
@@ -101,7 +104,7 @@ class JointElasticity(Effect):
         return behind(scene, joints[0], w, z, share, *gap)
 
     def labels(self, joints, theta):
-        return ("share of the link's torque", "angle at the start", "speed at the start")
+        return ("share of the link's torque",)  # the columns after it are starts of runs
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
         """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the motion; gap [rad]."""
@@ -157,11 +160,45 @@ class Backlash(JointElasticity):
         return ("share of the link's torque",)
 
 
+@frozen
+class _Start:
+    """Where the simulation of a run begins: its row; what motor and friction leave of the torque, and the acceleration, with their rates."""
+
+    row: int
+    torque: np.ndarray | None = None  # (2,) value and rate; None where the joint stands
+    acceleration: np.ndarray | None = None
+
+    def state(self, spring: tuple[float, float, float], motor: float, resting: float) -> tuple[float, float]:
+        """Twist and its rate: what the spring transmits is seen at the motor, k t + c t' = torque - J ddq. At rest the spring carries
+        the link's own torque `resting`.
+        """
+        stiffness, damping, gap = spring
+        value, rate = (resting, 0.0) if self.torque is None else self.torque - motor * self.acceleration
+        return (value - damping / stiffness * rate) / stiffness + float(np.copysign(gap / 2, value)), rate / stiffness
+
+
+def _starts(scene: Scene, joint: int) -> tuple[_Start, ...]:
+    """One for each run, behind the reach of the filter's edge, formed once for a scene."""
+    known = _SLOPES.setdefault(scene, {})
+    if ("starts", joint) not in known:
+        m, reach = scene.motion, int(np.ceil(EDGE * scene.motion.widths.first / scene.motion.step))
+        seen = np.stack((m.tau[:, joint] - scene.friction[:, joint], m.ddq[:, joint]), axis=1)
+        rate, starts = m.rate(seen), []
+        for a, b in m.bounds:
+            row = min(a + reach, b - 1)
+            slides = abs(scene.sign[a : row + reach, joint].mean()) > SLIDING
+            both = np.stack((seen[row], rate[row]), axis=1)
+            starts.append(_Start(row, *both) if slides else _Start(a))
+        known["starts", joint] = tuple(starts)
+    return known["starts", joint]
+
+
 def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: float = 0.0) -> dict[int, np.ndarray]:
     """Columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less torque without.
 
-    From rest against the side that the torque pushes to. Without a gap everything is linear, and two more columns are what the link adds
-    that swings at the start of the first run, by its angle and by its speed.
+    A run that starts at rest starts against the side that the torque pushes to; one that starts in motion with the twist that its torque
+    shows. Without a gap everything is linear, and two more columns for each run (the first `STARTS`) are what the link adds that
+    swings at its start, by its angle and by its speed.
     """
     motion, (mass, usual) = scene.motion, inertia(scene, joint)
     by_q, by_dq, _ = slopes(scene, joint)
@@ -169,23 +206,25 @@ def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: floa
     torque = scene.rigid[:, joint] - motor * motion.ddq[:, joint]
     link = [np.ascontiguousarray(x) for x in (np.maximum(mass - motor, 0.1 * own), by_dq[:, joint], by_q[:, joint])]
     spring = own * w**2, 2 * z * w * own, gap
-    rest = [(torque[a] / spring[0] + np.copysign(gap / 2, torque[a]), 0.0) for a, _ in motion.bounds]
-    parts = [_swung(scene, joint, link, torque, spring, rest)]
+    starts = _starts(scene, joint)
+    parts = [_swung(scene, joint, link, torque, spring, [(x.row, *x.state(spring, motor, torque[x.row])) for x in starts])]
     if gap == 0:
         size = float(np.std(torque)) / spring[0]
-        still = [(0.0, 0.0)] * (len(motion.bounds) - 1)
-        parts += [_swung(scene, joint, link, 0 * torque, spring, [first, *still]) for first in ((size, 0.0), (0.0, w * size))]
+        for state in ((size, 0.0), (0.0, w * size)):
+            swing = _swung(scene, joint, link, 0 * torque, spring, [(x.row, *state) for x in starts])
+            parts += [{j: values * (motion.run == k)[:, None] for j, values in swing.items()} for k in range(min(len(starts), STARTS))]
     return {j: np.concatenate([part[j] for part in parts], axis=1) for j in parts[0]}
 
 
 def _swung(scene: Scene, joint: int, link: list[np.ndarray], torque: np.ndarray, spring: tuple, starts: list) -> dict[int, np.ndarray]:
-    """Columns of one swing of the link from the starts (twist, rate) of each run; zero where it runs away."""
+    """Columns of one swing of the link from the starts (row, twist, rate) of each run; zero before them and where it runs away."""
     motion, along = scene.motion, [*link, np.ascontiguousarray(torque)]
-    twist, transmitted = np.empty((2, len(torque)))
-    substeps = int(np.ceil(motion.step * np.sqrt(spring[0] / link[0].min()) / SMALL))
-    for (a, b), start in zip(motion.bounds, starts, strict=True):
-        _library().link_behind(b - a, c_double(motion.step), substeps, *(x[a:].ctypes.data_as(c_void_p) for x in along),
-                               *map(c_double, (*spring, *start)), *(x[a:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
+    twist, transmitted = np.zeros(len(torque)), torque.copy()
+    lightest, drag = link[0].min(), spring[1] + np.abs(link[1]).max()
+    substeps = int(np.ceil(motion.step * max(np.sqrt(spring[0] / lightest) / SMALL, drag / lightest / CALM)))
+    for (_, end), (row, *start) in zip(motion.bounds, starts, strict=True):
+        _library().link_behind(end - row, c_double(motion.step), substeps, *(x[row:].ctypes.data_as(c_void_p) for x in along),
+                               *map(c_double, (*spring, *start)), *(x[row:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
     if not np.abs(twist).max() < np.pi:  # a spring that gravity overcomes
         twist[:], transmitted[:] = 0.0, torque
     return displaced(scene, joint, -twist) | {joint: (transmitted - torque)[:, None]}

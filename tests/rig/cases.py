@@ -116,10 +116,14 @@ LABELS = {"offset": "torque_offset", "load": "load_friction", "drag": "quadratic
           "gain": "torque_gain", "deadband": "torque_deadband", "compliance": "joint_compliance", "gap": "backlash"}  # fmt: skip
 
 
+COUPLED = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # joints of the FMU's coupling_*[1..6]
+
+
 def true_parameters(case):
     """FMU parameters of a hidden effect, for effects whose law is that of the FMU."""
     p, name, joint = case.plant, case.label, min(next(iter(case.truth.values()))) - 1
-    at, other = f"[{joint + 1}]", 3 * joint + (joint + 1) % 3
+    at, to = f"[{joint + 1}]", (joint + 1) % 3
+    other, coupled = 3 * joint + to, f"[{COUPLED.index((joint, to)) + 1}]"
     if name in PLAIN:
         return {LABELS.get(field, field) + at: getattr(p, field)[joint] for field in PLAIN[name]}
     amplitude, order = p.ripple[joint], p.ripple_order[joint]
@@ -134,7 +138,7 @@ def true_parameters(case):
         "payload": {"payload": p.payload},
         "base_tilt": {"base_tilt[1]": p.tilt[0], "base_tilt[2]": p.tilt[1]},
         "external_contact": {"contact_stiffness": p.wall_stiffness, "contact_damping": p.wall_damping},
-        "joint_coupling": {"coupling_viscous" + at: p.couple_viscous[other], "coupling_coulomb" + at: p.couple_coulomb[other]},
+        "joint_coupling": {"coupling_viscous" + coupled: p.couple_viscous[other], "coupling_coulomb" + coupled: p.couple_coulomb[other]},
     }  # fmt: skip
     return known.get(name, {})
 

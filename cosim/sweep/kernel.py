@@ -129,6 +129,8 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
 
 
 def _unfit(part: _Part, wiring: Wiring) -> str | None:
+    if wiring.scenario.components[part.name].step_multiple != 1:
+        return "it has a step multiple"
     if part.kind == _SERIES and part.inputs:
         return f"{part.model} feels what is wired into it"
     if part.kind == _SERIES:
@@ -136,8 +138,6 @@ def _unfit(part: _Part, wiring: Wiring) -> str | None:
     strange = [v for v in part.inputs if stem(v) not in _INPUTS[part.kind]]
     if strange:
         return f"its input {strange[0]} is wired"
-    if wiring.scenario.components[part.name].step_multiple != 1:
-        return "it has a step multiple"
     if part.kind == _CHANNEL and (longest := _longest_delay(part)) > _MOST_STEPS * wiring.scenario.experiment.step:
         return f"its delay of up to {longest:g} s does not fit the kernel's buffer"
     return _PARAMETERS[part.kind](part)

@@ -12,7 +12,7 @@ import ctypes
 import itertools
 import time
 from collections import OrderedDict, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import POINTER, c_double, c_int64, c_void_p
 from functools import cache
@@ -252,13 +252,20 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     settings = [_Setting.of(wiring, alike, feed) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        found = list(pool.map(lambda settings: _run_lanes(settings, record), tasks))
+    found = _each(lambda settings: _run_lanes(settings, record), tasks, workers)
     results: list[Result | None] = [None] * len(wirings)
     for batch, outcomes in zip(batches, found):
         for i, result in zip(batch, outcomes):
             results[i] = result
     return results
+
+
+def _each(action: Callable, tasks: Sequence, workers: int) -> list:
+    """Results in the order of the tasks; without threads where one would do, for its memory and its cache start cold."""
+    if min(workers, len(tasks)) < 2:
+        return [action(task) for task in tasks]
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        return list(pool.map(action, tasks))
 
 
 def _batches(settings: Sequence[_Setting]) -> list[list[int]]:

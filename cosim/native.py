@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from ctypes import c_double, c_int64, c_void_p
 
 import numpy as np
@@ -13,6 +13,7 @@ from cosim.schedule import Operation as Planned
 from cosim.schedule import Phase as PlannedPhase
 
 _SET, _STEP, _GET = range(3)
+_LINE = 128  # bytes: a cache line, and a vector of 16 lanes
 
 
 class Operation(ctypes.Structure):
@@ -45,38 +46,39 @@ class Arena:
         self.kept.append(array)
         return array.ctypes.data
 
+    def aligned(self, values: np.ndarray) -> int:
+        """A copy of doubles at the start of a cache line, where C's vectors lie."""
+        whole = np.empty(values.size + _LINE // 8)
+        skip = -whole.ctypes.data % _LINE // 8
+        whole[skip : skip + values.size] = values.ravel()
+        return self.array(whole) + 8 * skip
+
     def indices(self, values) -> int:
         return self.array(np.ascontiguousarray(values, dtype=np.int64))
 
     def pointers(self, addresses: Sequence[int]) -> int:
         return self.array(np.array(addresses, dtype=np.uintp))
 
-    def phases(
-        self, phases: Sequence[PlannedPhase], columns: np.ndarray, step_ns: int, place: Callable = lambda x: x
-    ) -> int:
-        """Phases in C's layout. columns: kept signals, places among the outputs; place: places in the schedule's store ->
-        places in C's."""
+    def phases(self, phases: Sequence[PlannedPhase], columns: np.ndarray, step_ns: int) -> int:
+        """Phases in C's layout. columns: kept signals, places among the outputs."""
         native = (Phase * len(phases))()
         for one, phase in zip(native, phases):
-            operations = (Operation * len(phase.operations))(
-                *[self._operation(o, step_ns, place) for o in phase.operations]
-            )
+            operations = (Operation * len(phase.operations))(*[self._operation(o, step_ns) for o in phase.operations])
             one.operations, one.n_operations = self.structures(operations), len(phase.operations)
-            places = place(phase.record.source[columns])
+            places = phase.record.source[columns]
             one.columns, one.in_order = self.indices(places), int(len(places) > 0 and bool(np.all(np.diff(places) == 1)))
         return self.structures(native)
 
-    def _operation(self, operation: Planned, step_ns: int, place: Callable) -> Operation:
+    def _operation(self, operation: Planned, step_ns: int) -> Operation:
         if isinstance(operation, Step):
             return Operation(kind=_STEP, component=operation.component, size=seconds(operation.multiple, step_ns))
         if isinstance(operation, GetOutputs):
             return Operation(kind=_GET, component=operation.component)
-        return self._set(operation, place)
+        return self._set(operation)
 
-    def _set(self, o: SetInputs, place: Callable) -> Operation:
+    def _set(self, o: SetInputs) -> Operation:
         return Operation(
             kind=_SET, component=o.component, n_source=len(o.source), n_line=len(o.line),
-            inside=int(bool(np.any(o.weight))), source=self.indices(place(o.source)), line=self.indices(o.line),
-            newer=self.indices(place(o.newer)), older=self.indices(place(o.older)), weight=self.array(o.weight),
-            span=self.array(o.span),
+            inside=int(bool(np.any(o.weight))), source=self.indices(o.source), line=self.indices(o.line),
+            newer=self.indices(o.newer), older=self.indices(o.older), weight=self.array(o.weight), span=self.array(o.span),
         )  # fmt: skip

@@ -122,6 +122,7 @@ REFUSED = {
     "channel_lr: its semantics is not that of a plain time delay": {"channel_lr.semantics": "newest_packet"},
     "channel_rl: its loss_good is not that of a plain time delay": {"channel_rl.loss_good": 0.1},
     "controller_l: it has a step multiple": {"controller_l.step_multiple": 2},
+    "operator: it has a step multiple": {"operator.step_multiple": 2},
     "channel_lr: its delay of up to 8.1 s does not fit the kernel's buffer": {
         "channel_*.law": "constant", "channel_lr.delay_mean": 8.1},
 }  # fmt: skip

@@ -9,9 +9,10 @@ computed beforehand by the FMUs themselves. `refusal` says why it does not apply
 from __future__ import annotations
 
 import ctypes
+import itertools
 import time
 from collections import OrderedDict, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import POINTER, c_double, c_int64, c_void_p
 from functools import cache
@@ -25,7 +26,7 @@ from cosim.master import Result, Timetable, run
 from cosim.native import Arena
 from cosim.outcome import Outcome
 from cosim.rows import Rows
-from cosim.schedule import seconds
+from cosim.schedule import GetOutputs, Operation, Phase, Record, SetInputs, seconds
 from cosim.signals import index_of, stem
 from cosim.wiring import Wiring
 
@@ -42,6 +43,7 @@ _OUTPUTS = {
 _ARM_VECTORS = {"viscous": 10, "coulomb": 13, "coulomb_velocity": 16, "stiffness": 19, "damping": 22, "q_start": 25, "dq_start": 28}
 _ARM_PARAMETERS = {"pi", "gravity_compensation", "mounting", "internal_steps", "workspace_limits", *_ARM_VECTORS}
 _CONTROLLER_VECTORS = {"stiffness": 0, "damping": 3, "joint_stiffness": 6, "joint_damping": 9}
+_COUNTS = {_ARM: 12, _CONTROLLER: 6, _CHANNEL: 6}  # outputs of a kind; a series has what its FMU has
 _NUMBERS = {_ARM: 31, _CONTROLLER: 13, _CHANNEL: 0, _SERIES: 0}
 _SHARED = ("internal_steps", "workspace_limits", "interpolation")
 _CHANNEL_NEUTRAL = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
@@ -55,10 +57,9 @@ _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
 
 class _Component(ctypes.Structure):
     _fields_ = [
-        ("kind", c_int64), ("n_inputs", c_int64), ("n_outputs", c_int64), ("inputs", c_void_p), ("outputs", c_void_p),
-        ("places", c_void_p), ("numbers", c_void_p), ("internal_steps", c_int64), ("workspace", c_int64),
-        ("impedance", c_int64), ("viscous", c_int64), ("coulomb", c_int64), ("linear", c_int64), ("series", c_void_p), ("n_series", c_int64),
-        ("series_step", c_void_p), ("history", c_void_p), ("stamps", c_void_p), ("capacity", c_int64),
+        ("kind", c_int64), ("n_inputs", c_int64), ("inputs", c_void_p), ("first", c_int64), ("numbers", c_void_p),
+        ("internal_steps", c_int64), ("workspace", c_int64), ("impedance", c_int64), ("viscous", c_int64), ("coulomb", c_int64),
+        ("linear", c_int64), ("series", c_void_p), ("n_series", c_int64), ("series_step", c_void_p), ("history", c_void_p), ("stamps", c_void_p), ("capacity", c_int64),
     ]  # fmt: skip
 
 
@@ -116,7 +117,7 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     if (size := 8 * _vectors()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
         return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
     parts = _Part.all(wiring)
-    places = _Places.of(wiring, parts, record)
+    places = _Places.of(wiring, parts)
     for part in parts:
         if (reason := _unfit(part, wiring)) is not None:
             return f"{part.name}: {reason}"
@@ -129,6 +130,8 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
 
 
 def _unfit(part: _Part, wiring: Wiring) -> str | None:
+    if wiring.scenario.components[part.name].step_multiple != 1:
+        return "it has a step multiple"
     if part.kind == _SERIES and part.inputs:
         return f"{part.model} feels what is wired into it"
     if part.kind == _SERIES:
@@ -136,8 +139,6 @@ def _unfit(part: _Part, wiring: Wiring) -> str | None:
     strange = [v for v in part.inputs if stem(v) not in _INPUTS[part.kind]]
     if strange:
         return f"its input {strange[0]} is wired"
-    if wiring.scenario.components[part.name].step_multiple != 1:
-        return "it has a step multiple"
     if part.kind == _CHANNEL and (longest := _longest_delay(part)) > _MOST_STEPS * wiring.scenario.experiment.step:
         return f"its delay of up to {longest:g} s does not fit the kernel's buffer"
     return _PARAMETERS[part.kind](part)
@@ -209,6 +210,10 @@ class _Part:
     def vector(self, name: str, size: int = 3) -> list[float]:
         return [self.number(f"{name}[{i + 1}]") for i in range(size)]
 
+    def wired(self) -> list[int]:
+        """Wired inputs by their numbers in the kernel."""
+        return [3 * _INPUTS[self.kind].index(stem(v)) + index_of(v) - 1 for v in self.inputs]
+
     def computed(self) -> list[tuple[str, int]]:
         """Outputs that the kernel has, with their numbers."""
         if self.kind == _SERIES:
@@ -219,27 +224,19 @@ class _Part:
 
 @frozen
 class _Places:
-    """Where the kernel's outputs lie: `number` by signal name, `at` by place in the schedule's store (-1: not computed)."""
+    """Where the kernel's outputs lie in half its store: `first` of each component, `number` by signal name, `at` by place in
+    the schedule's store (-1: not computed); how many there are."""
 
+    first: tuple[int, ...]
     number: dict
     at: np.ndarray = field(eq=False)
+    count: int
 
     @classmethod
-    def of(cls, wiring: Wiring, parts: Sequence[_Part], record: Sequence[str] = ()) -> _Places:
-        """Places for the outputs that are wired or recorded, as far as the kernel computes them."""
-        wanted = {str(link.source) for link in wiring.links} | set(record)
-        computed = [f"{part.name}.{output}" for part in parts for output, _ in part.computed()]
-        names = [name for name in computed if name in wanted or stem(name) in wanted]
-        number = {name: i for i, name in enumerate(names)}
-        return cls(number, np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64))
-
-    def __len__(self) -> int:
-        return len(self.number)
-
-    def mapped(self, places: np.ndarray) -> np.ndarray:
-        """Places in the schedule's store [2n] as places in the kernel's."""
-        n = len(self.at)
-        return self.at[places % n] + (places // n) * len(self)
+    def of(cls, wiring: Wiring, parts: Sequence[_Part]) -> _Places:
+        *first, count = itertools.accumulate((_COUNTS.get(part.kind, len(part.outputs)) for part in parts), initial=0)
+        number = {f"{part.name}.{output}": at + i for at, part in zip(first, parts) for output, i in part.computed()}
+        return cls(tuple(first), number, np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64), count)
 
 
 # --- running -------------------------------------------------------------------------------------------------------------
@@ -255,13 +252,20 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     settings = [_Setting.of(wiring, alike, feed) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        found = list(pool.map(lambda settings: _run_lanes(settings, record), tasks))
+    found = _each(lambda settings: _run_lanes(settings, record), tasks, workers)
     results: list[Result | None] = [None] * len(wirings)
     for batch, outcomes in zip(batches, found):
         for i, result in zip(batch, outcomes):
             results[i] = result
     return results
+
+
+def _each(action: Callable, tasks: Sequence, workers: int) -> list:
+    """Results in the order of the tasks; without threads where one would do, for its memory and its cache start cold."""
+    if min(workers, len(tasks)) < 2:
+        return [action(task) for task in tasks]
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        return list(pool.map(action, tasks))
 
 
 def _batches(settings: Sequence[_Setting]) -> list[list[int]]:
@@ -377,7 +381,7 @@ class _Call:
         self.settings, self.width = settings, lanes()
         self.filled = list(settings) + [settings[-1]] * (self.width - len(settings))
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
-        self.places = _Places.of(self.wiring, self.parts, record)
+        self.places = _Places.of(self.wiring, self.parts)
         self.experiment = self.wiring.scenario.experiment
         self.timetable = Timetable.of(self.wiring, record)
         self.arena = Arena()
@@ -385,30 +389,49 @@ class _Call:
         self.table = np.empty((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
         self.job = self._job()
-        self.sources = self.arena.pointers([self._sources(part) for part in self.parts])
+        place = {str(link.target): self.places.number[str(link.source)] for link in self.wiring.links}
+        sources = [[place[f"{part.name}.{v}"] for v in part.inputs] for part in self.parts]
+        self.sources = self.arena.pointers([self.arena.indices(places) for places in sources])
 
     def _job(self) -> _Job:
-        schedule, n = self.wiring.schedule, len(self.places)
+        schedule = self.wiring.schedule
         components = (_Component * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
-        phases = self.arena.phases(schedule.phases, self.timetable.columns, schedule.step_ns, self.places.mapped)
-        work = self.arena.array(np.zeros(len(self.parts) * int(_library().lane_size()) + 64, np.uint8))
+        phases = [self._phase(odd) for odd in (0, 1)]
+        work = self.arena.aligned(np.zeros(len(self.parts) * int(_library().lane_size()) // 8))
         return _Job(
-            self.arena.structures(components), len(self.parts), phases, len(schedule.phases), self.arena.array(np.zeros(2 * n * self.width)),
-            n, self.arena.array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,
-            schedule.step_ns, self.experiment.bound, self.arena.array(self.ended), self.arena.array(self.outcome), (work + 63) // 64 * 64,
+            self.arena.structures(components), len(self.parts),
+            self.arena.phases(phases, self.timetable.columns, schedule.step_ns), len(phases),
+            self.arena.aligned(np.zeros(2 * self.places.count * self.width)), self.places.count,
+            self.arena.array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,
+            schedule.step_ns, self.experiment.bound, self.arena.array(self.ended), self.arena.array(self.outcome), work,
         )  # fmt: skip
 
+    def _phase(self, odd: int) -> Phase:
+        """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the half of
+        the store where the values before the newest were, so it needs no operation to get them."""
+        schedule, n = self.wiring.schedule, self.wiring.schedule.outputs
+        half = np.full(n, odd)  # in which the newest value of an output lies
+        operations: list[Operation] = []
+
+        def lie(places: np.ndarray) -> np.ndarray:
+            return self.places.at[places % n] + (half[places % n] + places // n) % 2 * self.places.count
+
+        for o in schedule.phases[0].operations:
+            if isinstance(o, GetOutputs):
+                half[schedule.offset[o.component] :][: schedule.count[o.component]] = 1 - odd
+            elif isinstance(o, SetInputs):
+                line = np.array(self.parts[o.component].wired())[o.line]
+                operations.append(evolve(o, source=lie(o.source), line=line, newer=lie(o.newer), older=lie(o.older)))
+            else:
+                operations.append(o)
+        return Phase(tuple(operations), Record(lie(schedule.phases[0].record.source)))
+
     def _component(self, i: int) -> _Component:
-        part = self.parts[i]
-        computed = [(f"{part.name}.{name}", number) for name, number in part.computed()]
-        computed = [(name, number) for name, number in computed if name in self.places.number]
-        inputs = [3 * _INPUTS[part.kind].index(stem(v)) + index_of(v) - 1 for v in part.inputs]
+        part, inputs = self.parts[i], self.parts[i].wired()
         numbers = np.column_stack([setting.numbers[i] for setting in self.filled])
         native = _Component(
-            kind=part.kind, n_inputs=len(inputs), n_outputs=len(computed), inputs=self.arena.indices(inputs),
-            outputs=self.arena.indices([number for _, number in computed]),
-            places=self.arena.indices([self.places.number[name] for name, _ in computed]),
-            numbers=self.arena.array(np.ascontiguousarray(numbers)),
+            kind=part.kind, n_inputs=len(inputs), inputs=self.arena.indices(inputs), first=self.places.first[i],
+            numbers=self.arena.aligned(numbers),
         )  # fmt: skip
         if part.kind == _ARM:
             native.internal_steps, native.workspace = int(part.number("internal_steps")), int(part.number("workspace_limits"))
@@ -430,13 +453,9 @@ class _Call:
         longest = max(float(setting.series[i].max()) for setting in self.filled)
         steps = int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns))
         native.capacity = 1 << (steps + 4).bit_length()
-        native.history = self.arena.array(np.zeros((native.capacity, max(1, native.n_inputs), self.width)))
+        native.history = self.arena.array(np.zeros((native.capacity, self.width, max(1, native.n_inputs))))
         native.stamps = self.arena.array(np.zeros(native.capacity))
         native.linear = int(self.parts[i].number("interpolation") == 2)
-
-    def _sources(self, part: _Part) -> int:
-        source = {str(link.target): str(link.source) for link in self.wiring.links}
-        return self.arena.indices([self.places.number[source[f"{part.name}.{v}"]] for v in part.inputs])
 
     def result(self, lane: int, wall: float) -> Result:
         """The result of a lane, worded as the co-simulation would."""

@@ -24,11 +24,9 @@ typedef struct {
 } ArmInertia;
 
 static inline ArmPose arm_pose(const real q[3]) {
-    ArmPose p;
-    sincos_real(q[0], &p.s1, &p.c1);
-    sincos_real(q[1], &p.s2, &p.c2);
-    sincos_real(q[2], &p.s3, &p.c3);
-    return p;
+    real s[3], c[3];
+    sincos_each(3, q, s, c);
+    return (ArmPose){s[0], c[0], s[1], c[1], s[2], c[2]};
 }
 
 /* r = l1 cos q2 + l2 sin q3: distance of the tip from the vertical axis (m). */

@@ -15,53 +15,70 @@
 #define PI 3.14159265358979323846
 #define SINCOS_LIMIT 1647099.0 /* 2^20 pi/2: up to here n * (33 bits of pi/2) is exact; beyond, NaN */
 
-/* Nearest integer, half to even, for |a| < 2^51. */
+#define NEAREST 6755399441055744.0 /* 1.5 * 2^52: (a + NEAREST) - NEAREST is the integer nearest to |a| < 2^51, half to even */
+
 static inline real nearest(real a)
 {
-    const real shift = real_of(6755399441055744.0); /* 1.5 * 2^52 */
-    return (a + shift) - shift;
+    return (a + NEAREST) - NEAREST;
 }
 
-/* sin (y0 + y1) and cos (y0 + y1), |y0| <= pi/4. */
-static inline void sincos_near(real y0, real y1, real *sine, real *cosine)
+/* sin (y0 + y1) and cos (y0 + y1), |y0| <= pi/4, of n numbers in step, so that a processor has the others to do while it
+ * waits for one. `whole`: y1 is 0, and the terms that are zero then are left out, which gives the same bits. */
+static inline void sincos_near(int n, const real *y0, const real *y1, int whole, real *sine, real *cosine)
 {
-    const real z = y0 * y0, v = z * y0;
-    const real ps = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06
-                  + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
-    const real pc = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05
-                  + z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09
-                  + z * -1.13596475577881948265e-11)))));
-    const real h = 0.5 * z, u = 1.0 - h;
-    *sine = y0 - ((z * (0.5 * y1 - v * ps) - y1) - v * -1.66666666666666324348e-01);
-    *cosine = u + (((1.0 - u) - h) + (z * pc - y0 * y1));
+    static const double s[] = {-1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
+                               2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10};
+    static const double c[] = {4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
+                               -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11};
+    real z[3], ps[3], pc[3];
+    for (int i = 0; i < n; i++) z[i] = y0[i] * y0[i], ps[i] = s[4] + z[i] * s[5], pc[i] = c[4] + z[i] * c[5];
+    for (int k = 3; k >= 0; k--)
+        for (int i = 0; i < n; i++) ps[i] = k > 0 ? s[k] + z[i] * ps[i] : ps[i], pc[i] = c[k] + z[i] * pc[i];
+    for (int i = 0; i < n; i++) {
+        const real v = z[i] * y0[i], h = 0.5 * z[i], u = 1.0 - h, e = z[i] * (z[i] * pc[i]);
+        sine[i] = y0[i] - (whole ? v * -s[0] - z[i] * (v * ps[i])
+                                 : (z[i] * (0.5 * y1[i] - v * ps[i]) - y1[i]) - v * s[0]);
+        cosine[i] = u + (((1.0 - u) - h) + (whole ? e : e - y0[i] * y1[i]));
+    }
 }
 
-/* sin a and cos a: a = n pi/2 + (y0 + y1), |y0| <= pi/4. Where n is 0 in all lanes, y0 = a and y1 = 0: the same bits sooner. */
-static inline void sincos_real(real a, real *sine, real *cosine)
+/* sin a and cos a of n <= 3 numbers: a = k pi/2 + (y0 + y1), |y0| <= pi/4. Where k is 0 in all lanes, y0 = a and y1 = 0: the
+ * same bits sooner. */
+static inline void sincos_each(int n, const real *a, real *sine, real *cosine)
 {
-    if (all(real_abs(a) < 0.785)) {
-        sincos_near(a, real_of(0.0), sine, cosine);
+    mask small = real_abs(a[0]) < 0.785;
+    for (int i = 1; i < n; i++) small = small & (real_abs(a[i]) < 0.785);
+    if (all(small)) {
+        sincos_near(n, a, a, 1, sine, cosine);
         return;
     }
-    const real inside = choose(real_abs(a) < SINCOS_LIMIT, a, real_of(0.0));
-    const real n = nearest(inside * 6.36619772367581382433e-01);
-    const real r = inside - n * 1.57079632673412561417e+00; /* exact */
-    const real t = n * 6.07710050630396597660e-11;          /* exact */
-    const real r1 = r - t, back = r1 - r;                   /* two-sum: r - t = r1 + e */
-    const real e = (r - (r1 - back)) - (t + back);
-    const real w = n * 2.02226624879595063154e-21 - e;
-    const real y0 = r1 - w, y1 = (r1 - y0) - w;
-    real s, c;
-    sincos_near(y0, y1, &s, &c);
-
-    const real k = n - 4.0 * nearest(n * 0.25); /* quarter turns, -2 .. 2 */
-    const mask swap = (k == 1.0) | (k == -1.0);
-    const mask sign_s = (k == 2.0) | (k == -2.0) | (k == -1.0), sign_c = (k == 2.0) | (k == -2.0) | (k == 1.0);
-    const real ss = choose(swap, c, s), cc = choose(swap, s, c);
-    const mask ok = real_abs(a) < SINCOS_LIMIT;
     const real undefined = real_of_bits(bits_of(real_of(0.0)) + INT64_C(0x7ff8000000000000));
-    *sine = choose(ok, choose(sign_s, -ss, ss), undefined);
-    *cosine = choose(ok, choose(sign_c, -cc, cc), undefined);
+    real shifted[3], y0[3], y1[3], s[3], c[3];
+    for (int i = 0; i < n; i++) {
+        const real inside = choose(real_abs(a[i]) < SINCOS_LIMIT, a[i], undefined);
+        shifted[i] = inside * 6.36619772367581382433e-01 + NEAREST;
+        const real k = shifted[i] - NEAREST;
+        const real r = inside - k * 1.57079632673412561417e+00; /* exact */
+        const real t = k * 6.07710050630396597660e-11;          /* exact */
+        const real r1 = r - t, back = r1 - r;                   /* two-sum: r - t = r1 + e */
+        const real e = (r - (r1 - back)) - (t + back);
+        const real w = k * 2.02226624879595063154e-21 - e;
+        y0[i] = r1 - w;
+        y1[i] = (r1 - y0[i]) - w;
+    }
+    sincos_near(n, y0, y1, 0, s, c);
+    for (int i = 0; i < n; i++) {
+        const real_bits turns = bits_of(shifted[i]); /* its last bits: k quarter turns */
+        const mask sign_s = (turns & 2) != 0, sign_c = ((turns + 1) & 2) != 0, swap = sign_s ^ sign_c;
+        const real ss = choose(swap, c[i], s[i]), cc = choose(swap, s[i], c[i]);
+        sine[i] = choose(sign_s, -ss, ss);
+        cosine[i] = choose(sign_c, -cc, cc);
+    }
+}
+
+static inline void sincos_real(real a, real *sine, real *cosine)
+{
+    sincos_each(1, &a, sine, cosine);
 }
 
 /* e^a: a = k ln 2 + r, |r| <= ln 2 / 2. Below -708 zero, above 709 infinite; NaN stays NaN. */

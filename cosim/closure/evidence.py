@@ -14,7 +14,8 @@ class Evidence:
 
     p: of the block jackknife's F on the fitted rows, times the number of regressions tried; gain_fit, gain_held: share of the
     squared error of its joints that it takes away on fitted blocks left out in turn and on held-out blocks; t_fit, t_held: of the
-    paired differences per block; size: RMS of what only this effect explains, as a share of the torque's RMS.
+    paired differences per block; size: RMS of what only this effect explains, as a share of the torque's RMS, on fitted or held-out
+    rows.
     """
 
     candidate: Candidate
@@ -121,9 +122,9 @@ def standard_errors(difference: np.ndarray) -> float:
 
 
 def _size(old: Model, new: Model, joints: list[int]) -> float:
-    """RMS of the change of the prediction as a share of the RMS of the torque, rows of these joints that were fitted."""
-    train = ~old.setting.rows.test
-    change = (new.residual - old.residual)[joints][:, train]
-    use = old.setting.use[joints][:, train]
-    torque = old.target[joints][:, train]
-    return float(np.sqrt((change[use] ** 2).sum() / max((torque[use] ** 2).sum(), 1e-300)))
+    """RMS of the change of the prediction as a share of the RMS of the torque, rows of these joints: fitted or held-out ones, whichever
+    show more.
+    """
+    change, use, torque = ((new.residual - old.residual)[joints], old.setting.use[joints], old.target[joints])
+    halves = [use & rows for rows in (~old.setting.rows.test, old.setting.rows.test)]
+    return max(float(np.sqrt((change[u] ** 2).sum() / max((torque[u] ** 2).sum(), 1e-300))) for u in halves)

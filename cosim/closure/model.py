@@ -159,16 +159,23 @@ def delivered_target(model: Model, choice: Choice) -> np.ndarray:
 
 
 def _target(model: Model, choices: tuple[Choice, ...]) -> np.ndarray:
-    late, setting, y, slope = [c for c in choices if c.effect.late], model.setting, model.setting.y, model.setting.slope
-    if late:
-        key = ("delivered", *((c.key, c.theta) for c in late))
-        if key not in model._cache:
-            tau = setting.motion.tau.copy()
-            for c in late:
-                tau[:, c.joints] = c.effect.delivered(setting.motion, tau[:, c.joints], c.theta)
-            model._cache[key] = setting.targets(tau)
-        y, slope = model._cache[key]
+    y, slope = model.setting.y.copy(), model.setting.slope.copy()
+    for j in range(model.setting.joints):
+        passed = tuple(c for c in choices if c.effect.late and j in c.joints)
+        if passed:
+            y[j], slope[j] = _delivered(model, j, passed)
     return y - model.skew * slope
+
+
+def _delivered(model: Model, joint: int, choices: tuple[Choice, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Target and slope (m,) of a joint's recorded torque after these lags and delays."""
+    key = ("delivered", joint, *((c.effect.key, c.theta) for c in choices))
+    if key not in model._cache:
+        tau = model.setting.motion.tau[:, [joint]]
+        for c in choices:
+            tau = c.effect.delivered(model.setting.motion, tau, c.theta)
+        model._cache[key] = model.setting.target(joint, tau)
+    return model._cache[key]
 
 
 def spread(columns: dict[int, np.ndarray], setting: Setting) -> np.ndarray:

@@ -38,11 +38,12 @@ class Rule:
             return evidence.reason
         if evidence.candidate.choice.effect.of_time and evidence.gain_held > 0:
             evidence = evolve(evidence, gain_held=evidence.gain_fit, t_held=evidence.t_fit)
+        gain = max(self.gain, evidence.candidate.choice.effect.least)
         checks = (
             (evidence.p > self.p and not self.confirmed(evidence), f"p = {evidence.p:.1g} after counting all that was tried"),
-            (evidence.gain_fit < self.gain, f"removes {100 * evidence.gain_fit:.1f} % of the squared error of unseen fitted blocks"),
+            (evidence.gain_fit < gain, f"removes {100 * evidence.gain_fit:.1f} % of the squared error of unseen fitted blocks"),
             (evidence.t_fit < self.t_fit, f"fitted blocks disagree (t = {evidence.t_fit:.1f})"),
-            (evidence.gain_held < self.gain, f"removes {100 * evidence.gain_held:.1f} % of the held-out squared error"),
+            (evidence.gain_held < gain, f"removes {100 * evidence.gain_held:.1f} % of the held-out squared error"),
             (evidence.t_held < self.t_held, f"held-out blocks disagree (t = {evidence.t_held:.1f})"),
             (evidence.size < self.size, f"explains {100 * evidence.size:.2f} % of the torque: below what processing alone can make"),
         )

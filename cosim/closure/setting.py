@@ -45,9 +45,10 @@ class Setting:
         given = len(self.names) - ("inertia" in self.names) if self.device == "regressor" else 0
         return given if self.rows.train_blocks < 10 * given else 0
 
-    def targets(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Filtered torque tau (n, J) less what is known of it, and its slope, both (J, m)."""
-        return _targets(self.motion, self.rows, tau, self.given)
+    def target(self, joint: int, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A joint's filtered torque tau (n, 1) less what is known of it, and its slope, both (m,)."""
+        y, slope = _targets(self.motion, self.rows, tau, self.given[[joint]])
+        return y[0], slope[0]
 
     def sign(self, joint: int, law: Law) -> np.ndarray:
         """K F of the joint's smooth sign (m,)."""

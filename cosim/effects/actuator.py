@@ -28,6 +28,7 @@ class Late(Effect):
     sharp = False
     dynamic = True
     late = True
+    least = 0.2
     slack = 1.0
     needs = "fast excitation"
 

@@ -90,6 +90,7 @@ class Effect(ABC):
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
     form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
     amplitude: bool = False  # the coefficients are the parts of one amplitude, such as sine and cosine
+    least: float = 0.0  # share of the squared error that it has to remove where noise of the encoder, fed back into the command, mimics it
     slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost
     aliases: tuple[Alias, ...] = ()
     relatives: tuple[str, ...] = ()  # names that decide by details: not told from this one where a rest without a name is left

@@ -9,8 +9,7 @@ from attrs import evolve, field, frozen
 from cosim.closure import effects_file
 from cosim.closure.errors import TorqueError, torque_error
 from cosim.closure.floor import floor
-from cosim.closure.friction import algebraic
-from cosim.closure.model import Choice, Model, complete, with_choices
+from cosim.closure.model import Choice, Model, complete, in_form, with_choices
 from cosim.closure.motion import prepare, thinned
 from cosim.closure.refusal import circular, motion_refusals
 from cosim.closure.selection import Rule, Selection, polished, select
@@ -129,14 +128,11 @@ def _values(recording: Recording, model: Model) -> dict:
     """Start values of the drive's FMU for a model: rigid body, friction, effects. Empty for device "regressor"."""
     if recording.device == "regressor":
         return {}
-    named = dict(zip(model.names, map(float, model.fit.beta), strict=False))
+    model = in_form(model)
+    labels = dict(zip(model.names, map(float, model.fit.beta), strict=False))
     if model.setting.declared_pi is not None:
-        named |= {f"pi[{k + 1}]": float(v) for k, v in enumerate(model.setting.declared_pi)}
-    labels = named
-    for j, law in enumerate(model.laws):
-        level, width = algebraic(law, model.setting.motion.dq[:, j])
-        labels[f"coulomb[{j + 1}]"] *= level
-        labels[f"coulomb_velocity[{j + 1}]"] = max(width, 1e-3 * _top(model, j))
+        labels |= {f"pi[{k + 1}]": float(v) for k, v in enumerate(model.setting.declared_pi)}
+    labels |= {f"coulomb_velocity[{j + 1}]": max(law.width, 1e-3 * _top(model, j)) for j, law in enumerate(model.laws)}
     for number, choice in enumerate(model.choices):
         if choice.effect.name != "unknown":
             for name, value in intervals(model, number)[0].items():

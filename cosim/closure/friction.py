@@ -31,21 +31,3 @@ def laws(top_speed: float) -> tuple[Law, ...]:
     """Laws to choose from, widths up to a tenth of the top speed [rad/s]."""
     widths = np.geomspace(0.003, 0.12, 7) * top_speed
     return (Law("sign", 0.0), *(Law(form, float(w)) for form in FORMS for w in widths))
-
-
-def algebraic(law: Law, dq: np.ndarray) -> tuple[float, float]:
-    """Level and width [rad/s] of the algebraic form, the FMU's, that comes closest to a law of level 1 over the speeds dq (n,)."""
-    from scipy.optimize import minimize_scalar
-
-    if law.form in ("algebraic", "sign"):
-        return 1.0, law.width
-    wanted = law(dq)
-
-    def fit(log_width: float) -> tuple[float, float]:
-        s = Law("algebraic", float(np.exp(log_width)))(dq)
-        level = float(s @ wanted / max(s @ s, 1e-300))
-        return float(((wanted - level * s) ** 2).sum()), level
-
-    middle = np.log(law.width)
-    best = minimize_scalar(lambda x: fit(x)[0], bounds=(middle - 2, middle + 2), method="bounded").x
-    return fit(best)[1], float(np.exp(best))

@@ -147,6 +147,10 @@ class Model:
             return lambda q, dq, ddq: value["inertia"] * ddq + a * np.sin(q) + b * np.cos(q)
         return None
 
+    def unseen(self, joint: int) -> np.ndarray:
+        """Squared error (T,) of a joint's fitted blocks, each left out in turn [N^2 m^2]."""
+        return self.fit.sse[: self.setting.rows.train_blocks, joint] / self.weight[joint] ** 2
+
     def joint_error(self) -> tuple[np.ndarray, np.ndarray]:
         """Squared error (T, J) of fitted blocks left out in turn and (H, J) of held-out blocks, weighted."""
         t = self.setting.rows.train_blocks
@@ -261,6 +265,23 @@ def _best_laws(model: Model) -> Model:
         best = min(error, key=error.get)
         if best != model.laws[j]:
             model = evolve_model(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
+    return model
+
+
+def in_form(model: Model) -> Model:
+    """The model fitted again with the friction law of the FMU, the algebraic one, where it was a tanh, at the width that fits best.
+
+    An atan, whose tail reaches over all speeds, is taken with its own width: no other does better in the replay of EMPS.
+    """
+    from scipy.optimize import minimize_scalar
+
+    for j, law in enumerate(model.laws):
+        if law.form == "tanh":
+            middle = np.log(law.width)
+            error = lambda x, j=j: _law_error(model, j, Law("algebraic", float(np.exp(x))))
+            best = minimize_scalar(error, bounds=(middle - 2, middle + 2), method="bounded", options={"xatol": 0.01}).x
+            laws_now = (*model.laws[:j], Law("algebraic", float(np.exp(best))), *model.laws[j + 1 :])
+            model = with_choices(evolve_model(model, laws=laws_now), model.choices)
     return model
 
 

@@ -13,6 +13,7 @@ from cosim.effects import Effect
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
 NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
+WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 
@@ -155,7 +156,23 @@ def _made_of_single_ones(model: Model, evidence: Evidence, accepted: Sequence[Ev
 
 
 def polished(model: Model, weight: np.ndarray | None = None) -> Model:
-    """The model with friction laws, weights and nonlinear parameters fitted again around its effects; at last with a weight (J,) if given."""
+    """The model with friction laws, weights and nonlinear parameters fitted again around its effects, of richer forms where they are
+    worth it; at last with a weight (J,) if given.
+    """
+    model = _polished(model)
+    for number, choice in enumerate(model.choices):
+        theta, (joint, *_) = choice.effect.richer(choice.theta), choice.joints
+        if theta is not None:
+            richer = (*model.choices[:number], evolve(choice, theta=theta), *model.choices[number + 1 :])
+            trial = _polished(with_choices(model, richer))
+            if trial.unseen(joint).sum() < WORTH * model.unseen(joint).sum():
+                model = trial
+    if weight is not None:
+        model = evolve_model(model, weight=weight)
+    return with_choices(model, model.choices, passes=2)
+
+
+def _polished(model: Model) -> Model:
     choices = model.choices
     for _ in range(2):
         model = with_choices(settled(with_choices(model, choices)), choices, passes=2)
@@ -167,9 +184,7 @@ def polished(model: Model, weight: np.ndarray | None = None) -> Model:
     for number, choice in enumerate(choices):
         if choice.effect.continuous(choice.theta) and len(choice.joints) == 1 and choice.effect.sharp:
             model = _together(model, number)
-    if weight is not None:
-        model = evolve_model(model, weight=weight)
-    return with_choices(model, model.choices, passes=2)
+    return model
 
 
 def _together(model: Model, number: int) -> Model:

@@ -155,7 +155,7 @@ def _too_much_left(base: Model, model: Model, here: list[Leftover], numbers: lis
     if not here:
         return ""
     joint = here[0].joint
-    without, names, both = (_joint_error(m, joint).sum() for m in (base, model, here[0].evidence.model))
+    without, names, both = (m.unseen(joint).sum() for m in (base, model, here[0].evidence.model))
     named, possible = without - names, max(without - both, 1e-300)
     if named >= NAMED_SHARE * possible:
         return ""
@@ -179,21 +179,15 @@ def _stands_beside(model: Model, number: int, leftover: Leftover, rule: Rule) ->
 
 def _unnamed_better(base: Model, model: Model, joint: int) -> str:
     """Whether one nameless function in the place of all names of the joint does clearly better than they."""
-    error, without = _joint_error(model, joint), _joint_error(base, joint).sum()
-    rival = min((e.model for e in in_place(base, joint)), key=lambda m: _joint_error(m, joint).sum(), default=None)
+    error, without = model.unseen(joint), base.unseen(joint).sum()
+    rival = min((e.model for e in in_place(base, joint)), key=lambda m: m.unseen(joint).sum(), default=None)
     if rival is None:
         return ""
-    other = _joint_error(rival, joint)
+    other = rival.unseen(joint)
     if without - error.sum() > SETTLED * (without - other.sum()) or other.sum() > LOWER * error.sum():
         return ""
     t = standard_errors(error - other)
     return f"a smooth function of {' and '.join(rival.choices[-1].effect.signals)} does clearly better (t = {t:.1f})" if t > BETTER else ""
-
-
-def _joint_error(model: Model, joint: int) -> np.ndarray:
-    """Squared error of a joint's fitted blocks, each left out in turn [N^2 m^2]."""
-    t = model.setting.rows.train_blocks
-    return model.fit.sse[:t, joint] / model.weight[joint] ** 2
 
 
 def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int) -> Finding:

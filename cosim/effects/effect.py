@@ -125,6 +125,10 @@ class Effect(ABC):
         """Which nonlinear parameters are continuous and may be refined; none by default."""
         return ()
 
+    def richer(self, theta: Theta) -> Theta | None:
+        """theta of a form with one nonlinear parameter more, to be taken where it leaves much less; None where there is none."""
+        return None
+
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
         return (*theta[:index], theta[index] * (1 + step), *theta[index + 1 :])

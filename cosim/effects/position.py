@@ -137,17 +137,20 @@ class Hysteresis(Effect):
         Alias("backlash", "an encoder on the link"),
     )
     relatives = ("joint_elasticity", "backlash")
-    EXPONENTS = (1.0, 0.5)  # to start from, of 0 (elasto-plastic) to 1 (exponential)
+    SHARPEST, FIRST = 0.5, 0.75  # exponents: least (towards 0, elasto-plastic, long lengths become springs), first other than 1
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        return tuple((float(x), n) for n in self.EXPONENTS for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
+        return tuple((float(x), 1.0) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
 
     def continuous(self, theta):
-        return (0, 1)
+        return (0,) if theta[1] == 1 else (0, 1)
+
+    def richer(self, theta):
+        return (theta[0], self.FIRST) if theta[1] == 1 else None
 
     def moved(self, theta, index, step):
         length, exponent = super().moved(theta, 0, step) if index == 0 else (theta[0], theta[1] + step)
-        return (length, float(np.clip(exponent, 0.0, 1.0)))
+        return (length, float(np.clip(exponent, self.SHARPEST, 1.0)))
 
     def columns(self, scene, joints, theta):
         return {joints[0]: dahl(scene.motion, joints[0], *theta)[:, None]}

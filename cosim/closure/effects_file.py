@@ -5,6 +5,8 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from cosim.closure.model import Choice
 from cosim.closure.verdict import Finding
 from cosim.effects import Effect
@@ -13,6 +15,7 @@ from cosim.errors import InputError, Problem, did_you_mean
 FORMAT = 1
 WIDTHS = {"pi": 8, "coupling_viscous": 6, "coupling_coulomb": 6, "coupling_stiffness": 6, "base_tilt": 2}
 _INDEXED = re.compile(r"(\w+)\[(\d+)\]$")
+STEPS = 2, 1000  # internal steps of the drives: unless set, and at most
 Values = dict[str, float | list[float]]
 
 
@@ -43,6 +46,18 @@ def _usable(values: Values) -> Values:
     return values
 
 
+def stepped(values: Values, step: float) -> Values:
+    """The values with as many internal steps of a communication step [s] as `joint_check_step` (fmu_src/shared/joint.h) advises."""
+    names = ("actuator_lag", "joint_compliance", "motor_inertia", "joint_damping")
+    steps = STEPS[0]
+    for lag, compliance, inertia, damping in zip(*np.broadcast_arrays(*(np.atleast_1d(values.get(n, 0.0)) for n in names)), strict=True):
+        if lag > 0:
+            steps = max(steps, np.ceil(step / lag) + 1)
+        if compliance > 0 and inertia > 0:
+            steps = max(steps, np.ceil(step * (1 / np.sqrt(compliance * inertia) + damping / inertia)))
+    return values | {"internal_steps": int(min(steps, STEPS[1]))} if steps > STEPS[0] else values
+
+
 def text(findings: Sequence[Finding], device: str, parameters: Values, source: str) -> str:
     """The file's text."""
     lines = [f"format = {FORMAT}", f'model = "{"AxisDrive" if device == "axis" else "PhantomArm"}"', "", "[parameters]"]
@@ -59,7 +74,7 @@ def text(findings: Sequence[Finding], device: str, parameters: Values, source: s
 def _value(value: float | list[float], whole: bool = False) -> str:
     if isinstance(value, list):
         return f"[{', '.join(_value(v, whole) for v in value)}]"
-    return str(int(value)) if whole else repr(float(f"{value:.9g}"))
+    return str(int(value)) if whole or isinstance(value, int) else repr(float(f"{value:.9g}"))
 
 
 def _quoted(word: str) -> str:

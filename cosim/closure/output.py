@@ -3,9 +3,14 @@
 import json
 from pathlib import Path
 
+from attrs import evolve
+
 from cosim.closure.answer import answer
 from cosim.closure.closure import Closure
+from cosim.closure.effects_file import stepped
 from cosim.closure.verdict import Answer, Finding
+
+USUAL_STEP = 1e-3  # s, communication step of the shipped scenarios
 
 
 def write(closure: Closure, folder: Path | str) -> Path:
@@ -16,6 +21,7 @@ def write(closure: Closure, folder: Path | str) -> Path:
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    closure = _runnable(closure)
     result = answer(closure)
     result["fmu"] = write_fmu(closure, folder)
     (folder / "closure.json").write_text(json.dumps(result, indent=1, allow_nan=False), encoding="utf-8")
@@ -24,6 +30,13 @@ def write(closure: Closure, folder: Path | str) -> Path:
     (folder / "effects.toml").write_text(text, encoding="utf-8")
     write_report(page(closure), folder / "report.html")
     return folder
+
+
+def _runnable(closure: Closure) -> Closure:
+    """Start values that run as they stand, at the step of the recording and at that of a scenario."""
+    step = max(USUAL_STEP, *(run.step for run in closure.recording.runs))
+    kinds = ("values_before", "values_after", "effect_values")
+    return evolve(closure, **{kind: stepped(getattr(closure, kind), step) for kind in kinds})
 
 
 def write_fmu(closure: Closure, folder: Path) -> list[str]:

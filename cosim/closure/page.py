@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cosim.closure.answer import effective
 from cosim.closure.closure import Closure
 from cosim.closure.errors import torque
 from cosim.closure.model import Model
@@ -140,11 +141,14 @@ def _residual(closure: Closure) -> Section | None:
 
 
 def _parameters(closure: Closure) -> Section | None:
-    rows = [(f.name, f.joints, name, value, f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}", f.effect.equation)
+    rows = [(f.name, f.joints, f"{name}{' (effective)' * (name in effective(f))}", value, f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}", f.effect.equation)
             for f in closure.verdict.findings for name, value in f.parameters.items()]  # fmt: skip
     if not rows:
         return None
     text = "95 % intervals from the jackknife over contiguous blocks, all parameters of the model refitted together."
+    if any(map(effective, closure.verdict.findings)):
+        text += (" Compliance and damping beside a gap are effective values: they hold how the link bounces between its sides, "
+                 "which smoothed motion hides.")  # fmt: skip
     return Section("Parameters of the effects", text, [Table(("effect", "joints", "FMU parameter", "value", "interval", "equation"), rows)])
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from attrs import field, frozen
 
+from cosim.closure.effects_file import stepped
 from cosim.closure.law import Law, difference, find_laws, injected
 from cosim.closure.smoothing import convolve, kernel, position_noise
 from cosim.measured.recording import Recording, Run
@@ -164,6 +165,7 @@ def _compared(device: str, path: _Path, before: Mapping, after: Mapping) -> _Com
         outcomes = []
         with open_system(scenario) as system:
             for values in (before, after):
+                values = stepped(dict(values), path.run.step)
                 changed = with_parameters(scenario, {f"drive.{key}": value for key, value in values.items()})
                 result = execute(changed, system, record=["controller.tau", "drive.q"])
                 if result.failure is not None:

@@ -112,7 +112,10 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
         problems.append(Problem(f"{path.name}: model", f"a model in scenario {scenario.name}", repr(model)))
     components = dict(scenario.components)
     for name in (name for name in chosen if name in components):
+        own = components[name].parameters.get("internal_steps")
         for key, value in values.items():
+            if key == "internal_steps" and isinstance(value, int) and isinstance(own, int):
+                value = max(value, own)  # what an effect needs makes nothing coarser
             components[name] = _component_with(components[name], key, value, path.name, problems)
     labels = tuple(str(entry.get("name", "?")) for entry in table.get("effects", ()) if isinstance(entry, dict))
     return evolve(scenario, components=components, effects=scenario.effects + (labels or tuple(values)))

@@ -1,0 +1,54 @@
+"""What `cosim close-loop` writes: FMUs that run as they stand, and everything else where one cannot be made."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+from model_harness import CompiledModel
+
+from cosim.closure.closure import Options, close_loop
+from cosim.closure.effects_file import stepped
+from cosim.closure.output import write
+from cosim.measured import Description, Recording, Run
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # tests/rig is a package of the checkout, not of the wheel
+
+from tests.rig.cases import hidden  # noqa: E402
+from tests.rig.experiment import Experiment, record  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"actuator_lag": [0.0, 1e-4, 0.0]},
+        {"joint_compliance": [0.0184, 0.0, 0.0], "motor_inertia": [1.6e-4, 0.0, 0.0], "joint_damping": [0.95, 0.0, 0.0]},
+        {"joint_compliance": [1e-4] * 3, "motor_inertia": [1e-4] * 3},
+    ],
+)
+def test_start_values_hold_the_internal_steps_that_the_model_asks_for(values):
+    with pytest.raises(ValueError) as problem:
+        CompiledModel("PhantomArm", internal_steps=1, **values).start().run(1, 1e-3)
+    assert stepped(values, 1e-3)["internal_steps"] == int(re.search(r"internal_steps to (\d+)", str(problem.value))[1])
+    CompiledModel("PhantomArm", **stepped(values, 1e-3)).start().run(1, 1e-3)
+    assert "internal_steps" not in stepped({"actuator_lag": 0.01, "viscous": 1.0}, 1e-3)
+
+
+@pytest.mark.timeout(300)
+def test_the_fmu_of_a_backlash_runs_at_its_defaults(tmp_path):
+    (run,) = record([hidden("backlash", 4.0, 12).plant], [Experiment(seed=3, highest=6.0, noise=3e-4)], duration=30.0)
+    one = Run("rig", run.time, run.q, run.tau, np.arange(len(run.time)) >= len(run.time) // 2)
+    closure = close_loop(Recording(Description(), (one,)), Options(replayed=False))
+    write(closure, tmp_path)
+    found = json.loads((tmp_path / "closure.json").read_text())
+    (effect,) = [e for e in found["effects"] if e["name"] != "unknown"]
+    assert effect["name"] == "backlash"
+    assert effect["effective"] == ["joint_compliance[1]", "joint_damping[1]"]
+    assert "effective values" in (tmp_path / "report.html").read_text()
+    for file in found["fmu"]:
+        rows = simulate_fmu(str(tmp_path / file), stop_time=0.1, output_interval=1e-3, fmi_type="CoSimulation")
+        assert rows["time"][-1] == pytest.approx(0.1)
+    assert f"internal_steps = {found['model']['after']['internal_steps']}\n" in (tmp_path / "effects.toml").read_text()

@@ -1,9 +1,12 @@
 """The recorded experiment replayed through FMUs (cosim/closure/replay.py), against a plant integrated in Python."""
 
+import re
+
 import numpy as np
 import pytest
 
 from cosim.closure.replay import replay, without_hold
+from cosim.errors import RunError
 from cosim.measured import Recording, Run, parse_description
 
 STEP, KP, KD, FINE = 1e-3, 900.0, 40.0, 10
@@ -59,6 +62,28 @@ def test_without_a_reference_the_drive_is_guided_along_the_recorded_path():
     assert found.kind == "guided"
     assert found.after[0] < 0.5 and found.before[0] > 5.0
     assert any("no law" in note for note in found.warnings)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "words"),
+    [
+        ({"viscous": -400.0}, "ran: the loop is unstable: the drive had run away .* PD that guides it does not hold"),
+        ({"actuator_lag": 0.2}, "comes 200 ms late, too late for the PD of 4 Hz"),
+        ({"joint_compliance": 1e-3, "motor_inertia": 2.0}, "motor_inertia = 2 is outside"),
+        ({"cogwheel": 1.0}, "cogwheel"),
+    ],
+)
+def test_each_model_is_replayed_by_itself(spoiled, words):
+    run = recorded()
+    bare = recording(Run("ran", run.time, run.q, run.tau, run.test))
+    first, second = replay(bare, PLAIN | spoiled, TRUE), replay(bare, PLAIN, TRUE | spoiled)
+    assert np.isnan(first.before[0]) and first.after[0] < 0.5
+    assert np.isnan(second.after[0]) and np.isnan(second.interval[0]).all() and second.before[0] > 5.0
+    for found, side in ((first, "before"), (second, "after")):
+        (note,) = [text for text in found.warnings if f"no replay of the model {side}" in text]
+        assert re.search(words, note), note
+    with pytest.raises(RunError, match=words):
+        replay(bare, PLAIN | spoiled, TRUE | spoiled)
 
 
 def test_half_a_step_of_a_sampled_lag_is_already_in_the_replay():

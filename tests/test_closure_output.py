@@ -10,10 +10,11 @@ import pytest
 from fmpy import simulate_fmu
 from model_harness import CompiledModel
 
-from cosim.closure.closure import Options, close_loop
+from cosim.closure.closure import Closure, Options, close_loop
 from cosim.closure.effects_file import stepped
 from cosim.closure.output import write
-from cosim.measured import Description, Recording, Run
+from cosim.closure.verdict import Answer, Verdict
+from cosim.measured import Description, Recording, Run, parse_description
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # tests/rig is a package of the checkout, not of the wheel
 
@@ -52,3 +53,21 @@ def test_the_fmu_of_a_backlash_runs_at_its_defaults(tmp_path):
         rows = simulate_fmu(str(tmp_path / file), stop_time=0.1, output_interval=1e-3, fmi_type="CoSimulation")
         assert rows["time"][-1] == pytest.approx(0.1)
     assert f"internal_steps = {found['model']['after']['internal_steps']}\n" in (tmp_path / "effects.toml").read_text()
+
+
+def test_a_model_that_no_fmu_can_have_is_a_warning_and_the_rest_is_written(tmp_path):
+    """A slow axis: the inertia is lost in friction and may come out negative."""
+    time = np.arange(0, 10, 2e-3)
+    q = np.sin(time)[:, None]
+    run = Run("axis", time, q, 0.3 * np.cos(time)[:, None], time >= 5)
+    recording = Recording(parse_description({"device": "axis", "columns": {"q": ["q"], "tau": ["tau"]}}, "test"), (run,))
+    negative = Closure(recording, Verdict(Answer.REFUSED), values_after={"inertia": -3e-4, "viscous": 0.3})
+    stale = tmp_path / "fmi2" / "AxisDrive.fmu"
+    stale.parent.mkdir()
+    stale.touch()
+    written = write(negative, tmp_path)
+    found = json.loads((tmp_path / "closure.json").read_text())
+    assert found["fmu"] == [] and found["warnings"] == list(written.warnings) and not stale.exists()
+    assert re.search(r"no FMU .* inertia = -0\.0003", written.warnings[-1])
+    assert written.warnings[-1] in (tmp_path / "report.html").read_text()
+    assert (tmp_path / "effects.toml").is_file()

@@ -29,7 +29,7 @@ def command(
     made(out)
     closure = close_loop(recording, Options(effects=known, previous=previous, replayed=replay, progress=_tell))
     _tell("writing the results")
-    write(closure, out)
+    closure = write(closure, out)
     for text in closure.warnings:
         print(f"warning: {text}", file=sys.stderr)
     print(sentence(closure))

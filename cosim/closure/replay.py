@@ -300,7 +300,8 @@ def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float)
     sides = [_Rows.of(compared, width, attrgetter(side)) for side in SIDES]
     counts = [bool(len(side.tau)) and side.reached.mean() >= LEAST for side in sides]
     if not any(counts):
-        why = [f"model {side}, {text}" for side in SIDES for text in _reasons(compared, side)]
+        first, second = (_reasons(compared, side) for side in SIDES)
+        why = first if first == second else [f"model {side}, {x}" for side, xs in zip(SIDES, (first, second), strict=True) for x in xs]
         raise RunError("drive", None, "; ".join(why) or f"no held-out row after the first {SETTLE} s of a run")
     keep = np.all([side.reached for side, good in zip(sides, counts, strict=True) if good], axis=0)
     recorded = _Rows.of(compared, width, lambda c: c.path.run).at(keep)

@@ -95,6 +95,8 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
     table = read_toml(path)
     unknown_keys(table, {"format", "model", "components", "parameters", "effects", "provenance"}, path.name, problems)
     kinds = {"parameters": dict, "model": str, "components": list, "effects": list}
+    if "parameters" not in table:
+        problems.append(Problem(f"{path.name}: [parameters]", "a table of start values", "none", "close-loop writes it into effects.toml"))
     wrong = [key for key, kind in kinds.items() if key in table and not isinstance(table[key], kind)]
     if wrong or table.get("format", 1) != 1:
         problems += [Problem(f"{path.name}: {key}", _KINDS[kinds[key]], repr(table[key])) for key in wrong]

@@ -4,11 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 from cosim.closure import effects_file
 from cosim.closure.closure import Options, close_loop
 from cosim.closure.gram import accumulate, fit
 from cosim.closure.model import Choice
+from cosim.closure.motion import prepare
 from cosim.closure.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.verdict import Answer
 from cosim.effects import BUILT_IN, library
@@ -95,6 +97,15 @@ def test_too_short_a_recording_is_refused():
     closure = close_loop(still(lambda t, q, dq: 0.1 * np.gradient(dq, t) + q, seconds=3.0))
     assert closure.verdict.answer is Answer.REFUSED
     assert any("too short" in text for text in closure.warnings)
+
+
+def test_runs_of_different_rates_are_refused():
+    (run,) = (recording := swing()).runs
+    half = Run("half", run.time[::2], run.q[::2], run.tau[::2], np.ones(len(run.time[::2]), bool))
+    with pytest.raises(InputError, match="one sampling rate, got swing at 500 Hz, half at 250 Hz; resample"):
+        prepare(evolve(recording, runs=(run, half)))
+    slow = Run("slow", 1.004 * run.time, run.q, run.tau, run.test)
+    assert prepare(evolve(recording, runs=(run, slow))).sample == pytest.approx(2.004e-3)
 
 
 OWN = '''

@@ -94,6 +94,18 @@ def test_half_a_step_of_a_sampled_lag_is_already_in_the_replay():
     assert without_hold({"time_delay": [0.2e-3, 0.0, 3e-3]}, STEP)["time_delay"] == pytest.approx([0.0, 0.0, 2.5e-3])
 
 
+def test_a_run_that_begins_later_has_the_drift_of_its_time():
+    """The plant's friction as that of a run that began 50 s into a drift of 2 % a second from half of it."""
+    run = recorded()
+    first = Run("first", run.time - 50.0, run.q, run.tau, np.zeros(len(run.time), bool), q_ref=run.q_ref)
+    both = Recording(recording(run).description, (first, run))
+    cold = TRUE | {"viscous": TRUE["viscous"] / 2, "coulomb": TRUE["coulomb"] / 2}
+    found = replay(both, cold, cold | {"friction_drift": 0.02})
+    assert found.runs == ("run",)
+    # the plant's friction is that at the run's start, the model's grows by 4 % until its end; half the friction is missing before
+    assert found.after[0] < 3.0 < 10.0 < found.before[0]
+
+
 def test_a_regressor_has_no_replay():
     table = {"device": "regressor", "columns": {"q": ["q"], "tau": ["tau"], "regressor": ["y"]}}
     run = recorded(seconds=0.1)

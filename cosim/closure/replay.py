@@ -96,7 +96,8 @@ def replay(
     laws = find_laws(recording)
     held = [run for run in recording.runs if run.test.any()]
     paths = [_recorded_loop(run, laws) if laws else _guided(run, before, len(recording.joints)) for run in held]
-    runs = [_compared(recording.device, path, before, after) for path in paths]
+    first = min(run.time[0] for run in recording.runs)
+    runs = [_compared(recording.device, path, *(begun(x, path.run.time[0] - first) for x in (before, after))) for path in paths]
     return _summary(runs, laws or (), width)
 
 
@@ -109,6 +110,15 @@ def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, obj
             less = np.where(value > 0, np.maximum(value - step / 2, 0.0), 0.0)
             changed[name] = less.tolist() if value.ndim else float(less)
     return changed
+
+
+def begun(parameters: Mapping[str, object], start: float) -> dict[str, object]:
+    """Parameters of a run that begins `start` seconds into the recording: f (1 + d (start + t)) = f' (1 + d' t)."""
+    drift = np.asarray(parameters.get("friction_drift", 0.0), float)
+    grown = 1 + drift * start
+    changed = {name: np.asarray(parameters[name], float) * grown for name in ("viscous", "coulomb") if name in parameters}
+    changed |= {"friction_drift": drift / grown}
+    return {**parameters, **{name: value.tolist() for name, value in changed.items()}} if drift.any() else dict(parameters)
 
 
 def _recorded_loop(run: Run, laws: Sequence[Law]) -> _Path:

@@ -10,9 +10,10 @@ import pytest
 from fmpy import simulate_fmu
 from model_harness import CompiledModel
 
+from cosim.arm.dynamics import inverse_dynamics
 from cosim.closure.closure import Closure, Options, close_loop
 from cosim.closure.effects_file import stepped
-from cosim.closure.output import write
+from cosim.closure.output import sentence, write
 from cosim.closure.verdict import Answer, Verdict
 from cosim.measured import Description, Recording, Run, parse_description
 
@@ -20,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # tests/rig is a package of 
 
 from tests.rig.cases import hidden  # noqa: E402
 from tests.rig.experiment import Experiment, record  # noqa: E402
+from tests.rig.plant import SEGMENT  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -71,3 +73,19 @@ def test_a_model_that_no_fmu_can_have_is_a_warning_and_the_rest_is_written(tmp_p
     assert re.search(r"no FMU .* inertia = -0\.0003", written.warnings[-1])
     assert written.warnings[-1] in (tmp_path / "report.html").read_text()
     assert (tmp_path / "effects.toml").is_file()
+
+
+def test_a_joint_that_does_not_move_has_a_dash(tmp_path):
+    """Joint 3 of an arm rests in the second half."""
+    random, time = np.random.default_rng(5), np.arange(0, 24, 2e-3)
+    q = np.stack([0.4 * np.sin((1.3 + 0.4 * j) * time) + 0.2 * np.sin(3.1 * time + j) for j in range(3)], axis=1)
+    fade = np.clip((11.0 - time) / 2, 0, 1)
+    q[:, 2] *= fade**3 * (10 - 15 * fade + 6 * fade**2)
+    dq, ddq = np.gradient(q, time, axis=0), np.gradient(np.gradient(q, time, axis=0), time, axis=0)
+    tau = inverse_dynamics(np.array(SEGMENT), q, dq, ddq) + 0.002 * dq + 0.01 * np.tanh(dq / 0.02) + 5e-4 * random.normal(size=q.shape)
+    run = Run("arm", time, q, tau, time >= 12)
+    closure = close_loop(Recording(Description(), (run,)), Options(replayed=False))
+    assert np.isnan(closure.error.after[2]) and np.isfinite(closure.error.after[:2]).all()
+    write(closure, tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "- (does not move)" in sentence(closure) and "nan" not in sentence(closure) and not re.search(r">\s*nan", page)

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 from attrs import evolve
 
 from cosim.closure import effects_file
@@ -80,7 +81,8 @@ def sentence(closure: Closure) -> str:
     if verdict.answer is Answer.REFUSED:
         return f"refused: {'; '.join(verdict.warnings)}"
     error = closure.error
-    change = ", ".join(f"{a:.2f} -> {b:.2f} %" for a, b in zip(error.before, error.after, strict=True))
+    pairs = zip(error.before, error.after, strict=True)
+    change = ", ".join(f"{a:.2f} -> {b:.2f} %" if np.isfinite((a, b)).all() else "- (does not move)" for a, b in pairs)
     held = f"Held-out torque error per joint: {change}."
     if verdict.answer is Answer.COMPLETE:
         return f"model_complete: no effect is missing that this data can show. {held}"

@@ -54,7 +54,7 @@ def _errors(closure: Closure) -> Section | None:
               "after, fitted rows")  # fmt: skip
     text = ("RMS of the residual as a share of the RMS of the measured torque (Taati Eq. 15), both filtered alike, on held-out rows. "
             "Standstill and reversals are left out: the direction of friction is not known there; beside it the error with reversals. The floor is what repeats of one "
-            "motion differ by; a dash where the recording holds none.")  # fmt: skip
+            "motion differ by. A dash: no repeats, or a joint that does not move in these rows.")  # fmt: skip
     figure = Figure(plots.error_bars(e.before, e.after, e.interval, floor, labels), "Held-out error of the torque")
     return Section("Error before and after", text, [Table(header, rows, "RMS error of the torque [%]")], [figure])
 

@@ -94,6 +94,13 @@ def test_half_a_step_of_a_sampled_lag_is_already_in_the_replay():
     assert without_hold({"time_delay": [0.2e-3, 0.0, 3e-3]}, STEP)["time_delay"] == pytest.approx([0.0, 0.0, 2.5e-3])
 
 
+def test_a_replay_that_is_worse_after_than_before_is_said():
+    found, better = replay(recording(recorded()), TRUE, PLAIN), replay(recording(recorded()), PLAIN, TRUE)
+    assert found.after[0] > 1.2 * found.before[0]
+    assert [f"joint 1 {found.before[0]:.2f} -> {found.after[0]:.2f} %" in text for text in found.warnings if "disagrees" in text] == [True]
+    assert not any("disagrees" in text for text in better.warnings)
+
+
 def test_a_run_that_begins_later_has_the_drift_of_its_time():
     """The plant's friction as that of a run that began 50 s into a drift of 2 % a second from half of it."""
     run = recorded()

@@ -34,6 +34,7 @@ JITTER = 0.005  # of the torque: what encoder noise on that path may ask for
 BLOCK = 0.5  # s, blocks of the bootstrap
 LATE = 0.7 / GUIDE  # s: half of the lag from which on the guiding PD is unstable
 LEAST = 0.5  # of the judged rows: a model that is replayed through fewer has no replay error
+WORSE = 1.2  # times the error before: a replay above that, beyond its interval, is said to disagree
 LAGS = ("actuator_lag", "time_delay")
 SIDES = ("before", "after")
 
@@ -318,14 +319,14 @@ def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float)
     before, after = (side.at(keep, good) for side, good in zip(sides, counts, strict=True))
     size, last = max(round(BLOCK / compared[0].path.run.step), 1), compared[-1]
     shown = [getattr(last, side).tau * (1.0 if good else np.nan) for side, good in zip(SIDES, counts, strict=True)]
+    errors = [_percent(side.calm, recorded.calm) for side in (before, after)]
+    interval = _interval(after.calm - recorded.calm, recorded.calm, size)
     return Replay(
-        kind="guided" if compared[0].path.guided else "closed loop",
-        before=_percent(before.calm, recorded.calm), after=_percent(after.calm, recorded.calm),
-        interval=_interval(after.calm - recorded.calm, recorded.calm, size),
+        kind="guided" if compared[0].path.guided else "closed loop", before=errors[0], after=errors[1], interval=interval,
         raw_before=_percent(before.tau, recorded.tau), raw_after=_percent(after.tau, recorded.tau),
         position_before=_rms(before.q - recorded.q), position_after=_rms(after.q - recorded.q),
         runs=tuple(c.path.run.name for c in compared), laws=laws,
-        warnings=(*_notes(compared, laws), *_lost(compared, counts, 1 - keep.mean())),
+        warnings=(*_notes(compared, laws), *_lost(compared, counts, 1 - keep.mean()), *_worse(*errors, interval)),
         time=last.path.run.time, tau=last.path.run.tau, tau_before=shown[0], tau_after=shown[1],
     )  # fmt: skip
 
@@ -383,6 +384,16 @@ def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -
             what = f"the replay of the model {side} ended early, {share:.0%} of the rows are not judged" if good else f"no replay of the model {side}"
             notes.append(f"{what}: {why}")
     return notes
+
+
+def _worse(before: Sequence[float], after: Sequence[float], interval: Sequence[tuple[float, float]]) -> list[str]:
+    """In words: joints whose replay is clearly worse with the model after."""
+    pairs = zip(before, after, interval, strict=True)
+    joints = [f"joint {j} {b:.2f} -> {a:.2f} %" for j, (b, a, (low, _)) in enumerate(pairs, 1) if a > WORSE * b and low > b]
+    if not joints:
+        return []
+    return [f"the replay is worse with the model after than before ({', '.join(joints)}) and so disagrees with the torque error: in a replay "
+            "errors feed back through the controller and from joint to joint"]  # fmt: skip
 
 
 def _reasons(compared: Sequence[_Compared], side: str) -> list[str]:

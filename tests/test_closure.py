@@ -4,10 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 from cosim.closure import effects_file
 from cosim.closure.closure import Options, close_loop
 from cosim.closure.gram import accumulate, fit
+from cosim.closure.model import Choice
+from cosim.closure.motion import prepare
 from cosim.closure.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.verdict import Answer
 from cosim.effects import BUILT_IN, library
@@ -100,6 +103,15 @@ def test_too_short_a_recording_is_refused():
     assert any("too short" in text for text in closure.warnings)
 
 
+def test_runs_of_different_rates_are_refused():
+    (run,) = (recording := swing()).runs
+    half = Run("half", run.time[::2], run.q[::2], run.tau[::2], np.ones(len(run.time[::2]), bool))
+    with pytest.raises(InputError, match="one sampling rate, got swing at 500 Hz, half at 250 Hz; resample"):
+        prepare(evolve(recording, runs=(run, half)))
+    slow = Run("slow", 1.004 * run.time, run.q, run.tau, run.test)
+    assert prepare(evolve(recording, runs=(run, slow))).sample == pytest.approx(2.004e-3)
+
+
 OWN = '''
 import numpy as np
 from cosim.effects import Effect
@@ -130,11 +142,30 @@ def test_an_effect_of_the_users_own_file_is_found(tmp_path):
     assert closure.verdict.findings[0].parameters["cogwheel"] == pytest.approx(0.08, rel=0.03)
 
 
-@pytest.mark.parametrize(("text", "words"), [("x = 1", "derived from"), ("raise ValueError('no')", "ValueError")])
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [("scene.motion.nothing", "Cogwheel.columns: .* AttributeError"), ("scene.motion.q[:, 0]", r"Cogwheel.columns: .*\(n, k\).* got \{0: \(\d+,\)\}"),
+     ("exit()", "Cogwheel.columns: .* SystemExit")],
+)  # fmt: skip
+def test_a_method_of_the_users_own_that_fails_is_named(tmp_path, column, words):
+    (tmp_path / "own.py").write_text(OWN.replace("np.sin(7 * scene.motion.q[:, joints])", column))
+    with pytest.raises(InputError, match=f"own.py: {words}"):
+        close_loop(still(lambda t, q, dq: 0.05 * np.gradient(dq, t) + q), Options(effects=library([tmp_path / "own.py"]), replayed=False))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("x = 1", "derived from"), ("raise ValueError('no')", "ValueError"), ("raise SystemExit(3)", "SystemExit"),
+     (OWN.replace('    name =', '    def __init__(self, size): pass\n    name ='), "Cogwheel: expected a class that is made without arguments"),
+     (OWN.replace("def labels", "def lables"), "Cogwheel without labels")],
+)  # fmt: skip
 def test_a_file_without_an_effect_is_refused_in_words(tmp_path, text, words):
     (tmp_path / "bad.py").write_text(text)
     with pytest.raises(InputError, match=words):
         library([tmp_path / "bad.py"])
+    (tmp_path / "bad.py").rename(tmp_path / "bad.txt")
+    with pytest.raises(InputError, match="named .py"):
+        library([tmp_path / "bad.txt"])
 
 
 def test_effects_file_starts_the_next_pass(tmp_path):
@@ -174,6 +205,66 @@ def test_friction_behind_a_torque_gain_is_the_joints_own():
     joint = gain.joints[0] - 1
     assert gain.parameters[f"torque_gain[{joint + 1}]"] == pytest.approx(case.plant.gain[joint], abs=0.01)
     assert found.values_after["coulomb"][joint] == pytest.approx(case.plant.coulomb[joint], rel=0.05)
+
+
+def swing() -> Recording:
+    """Twenty seconds of an arm on sines of its own on every joint."""
+    time = np.arange(0, 20, 2e-3)
+    q = np.stack([0.4 * np.sin((1.3 + 0.4 * j) * time) + 0.2 * np.sin(3.1 * time + j) for j in range(3)], axis=1)
+    return Recording(Description(), (Run("swing", time, q, 0.05 * np.cos(2 * q), time > 10),))
+
+
+BAD = {
+    "name = 'stribeck'": "joints: expected whole numbers from 1, such as .2., got none",
+    "name = 'stribeck'\njoints = 2": "joints: .* got 2",
+    "name = 'stribeck'\njoints = ['a']": "joints: .* got .'a'",
+    "name = 'stribeck'\njoints = [1.7]": "joints: .* got .1.7",
+    "name = 'stribeck'\njoints = [0]": "joints: .* got .0",
+    "name = 'stribeck'\njoints = [4]\ntheta = [0.2, 2]": r"joints: expected \[1\] or \[2\] or \[3\], got \[4\]",
+    "name = 'payload'\njoints = [2]": r"joints: expected \[1, 2, 3\], got \[2\]",
+    "name = 'stribeck'\njoints = [1]": r"theta: expected 2 numbers in the range .* got \[\]",
+    "name = 'stribeck'\njoints = [1]\ntheta = [0.2, 2, 5]": "theta: expected 2 numbers",
+    "name = 'stribeck'\njoints = [1]\ntheta = [nan, 2]": "theta: expected finite numbers",
+    "name = 'stribeck'\njoints = [1]\ntheta = [-0.2, 2]": "theta: expected 2 numbers in the range",
+    "name = 'stribeck'\njoints = [1]\ntheta = [0.2, 1.5]": "theta: expected 2 numbers in the range",
+    "name = 'actuator_lag'\njoints = [1]\ntheta = [0]": "theta: expected 1 numbers in the range",
+    "name = 'joint_coupling'\njoints = [2]\ntheta = [7, 0]": "theta: expected 2 numbers in the range",
+    "name = 'quadratic_drag'\njoints = [2]\n[effects.parameters]\nx = 'y'": "parameters: expected finite numbers",
+    "name = ['stribeck']\njoints = [1]": "name: expected a known effect",
+    "nam = 'stribeck'\njoints = [1]": "did you mean 'name'",
+}
+
+
+@pytest.mark.parametrize("entry", BAD)
+def test_an_entry_that_is_no_effect_of_the_recording_is_told(tmp_path, entry):
+    (tmp_path / "effects.toml").write_text(f"[[effects]]\nname = 'stribek'\n[[effects]]\n{entry}\n")
+    with pytest.raises(InputError, match=BAD[entry]) as told:
+        effects_file.load(tmp_path / "effects.toml", library(), swing())
+    assert "effects[0].name" in str(told.value) and "effects[1]" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("effects = ['stribeck']", "a table with name"), ("effects = {name = 'x'}", "tables"), ("effect = 1", "did you mean 'effects'"),
+     ("[parameters]\nviscous = 'x'", "parameters: expected finite numbers"), ("\n".join(2 * ["[[effects]]\nname = 'payload'\njoints = [1, 2, 3]"]), "once")],
+)  # fmt: skip
+def test_a_file_that_is_no_effects_file_is_told(tmp_path, text, words):
+    (tmp_path / "effects.toml").write_text(text)
+    with pytest.raises(InputError, match=words):
+        effects_file.load(tmp_path / "effects.toml", library())
+    with pytest.raises(InputError, match="a folder"):
+        effects_file.load(tmp_path, library())
+
+
+def test_every_choice_that_the_search_may_make_can_be_read_back():
+    scene, found = effects_file._scene(swing()), 0
+    for effect in BUILT_IN:
+        for joints in effect.joint_sets(scene):
+            thetas = effect.grid(scene, joints)
+            thetas = [*thetas[:2], *thetas[-2:], *(effect.moved(thetas[0], k, 0.3) for k in effect.continuous(thetas[0]))]
+            for theta in thetas:
+                found += len(effects_file._unfit(effect.name, Choice(effect, joints, tuple(float(f"{v:.9g}") for v in theta)), scene))
+    assert found == 0
 
 
 def test_unknown_names_in_an_effects_file_are_told(tmp_path):

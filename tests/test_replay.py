@@ -1,9 +1,12 @@
 """The recorded experiment replayed through FMUs (cosim/closure/replay.py), against a plant integrated in Python."""
 
+import re
+
 import numpy as np
 import pytest
 
 from cosim.closure.replay import replay, without_hold
+from cosim.errors import RunError
 from cosim.measured import Recording, Run, parse_description
 
 STEP, KP, KD, FINE = 1e-3, 900.0, 40.0, 10
@@ -61,12 +64,53 @@ def test_without_a_reference_the_drive_is_guided_along_the_recorded_path():
     assert any("no law" in note for note in found.warnings)
 
 
+@pytest.mark.parametrize(
+    ("spoiled", "words"),
+    [
+        ({"viscous": -400.0}, "ran: the loop is unstable: the drive had run away .* PD that guides it does not hold"),
+        ({"actuator_lag": 0.2}, "comes 200 ms late, too late for the PD of 4 Hz"),
+        ({"joint_compliance": 1e-3, "motor_inertia": 2.0}, "motor_inertia = 2 is outside"),
+        ({"cogwheel": 1.0}, "cogwheel"),
+    ],
+)
+def test_each_model_is_replayed_by_itself(spoiled, words):
+    run = recorded()
+    bare = recording(Run("ran", run.time, run.q, run.tau, run.test))
+    first, second = replay(bare, PLAIN | spoiled, TRUE), replay(bare, PLAIN, TRUE | spoiled)
+    assert np.isnan(first.before[0]) and first.after[0] < 0.5
+    assert np.isnan(second.after[0]) and np.isnan(second.interval[0]).all() and second.before[0] > 5.0
+    for found, side in ((first, "before"), (second, "after")):
+        (note,) = [text for text in found.warnings if f"no replay of the model {side}" in text]
+        assert re.search(words, note), note
+    with pytest.raises(RunError, match=words):
+        replay(bare, PLAIN | spoiled, TRUE | spoiled)
+
+
 def test_half_a_step_of_a_sampled_lag_is_already_in_the_replay():
     assert without_hold({"actuator_lag": 0.8e-3, "viscous": 1.0}, STEP) == {
         "actuator_lag": pytest.approx(0.3e-3),
         "viscous": 1.0,
     }
     assert without_hold({"time_delay": [0.2e-3, 0.0, 3e-3]}, STEP)["time_delay"] == pytest.approx([0.0, 0.0, 2.5e-3])
+
+
+def test_a_replay_that_is_worse_after_than_before_is_said():
+    found, better = replay(recording(recorded()), TRUE, PLAIN), replay(recording(recorded()), PLAIN, TRUE)
+    assert found.after[0] > 1.2 * found.before[0]
+    assert [f"joint 1 {found.before[0]:.2f} -> {found.after[0]:.2f} %" in text for text in found.warnings if "disagrees" in text] == [True]
+    assert not any("disagrees" in text for text in better.warnings)
+
+
+def test_a_run_that_begins_later_has_the_drift_of_its_time():
+    """The plant's friction as that of a run that began 50 s into a drift of 2 % a second from half of it."""
+    run = recorded()
+    first = Run("first", run.time - 50.0, run.q, run.tau, np.zeros(len(run.time), bool), q_ref=run.q_ref)
+    both = Recording(recording(run).description, (first, run))
+    cold = TRUE | {"viscous": TRUE["viscous"] / 2, "coulomb": TRUE["coulomb"] / 2}
+    found = replay(both, cold, cold | {"friction_drift": 0.02})
+    assert found.runs == ("run",)
+    # the plant's friction is that at the run's start, the model's grows by 4 % until its end; half the friction is missing before
+    assert found.after[0] < 3.0 < 10.0 < found.before[0]
 
 
 def test_a_regressor_has_no_replay():

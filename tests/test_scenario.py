@@ -170,6 +170,21 @@ def test_effects_for_nobody_are_refused(write):
     assert "nothing at" in problems(lambda: load_scenario(path, effects=Path("none.toml")))[0]
 
 
+def test_an_effects_file_without_start_values_is_told(write):
+    path, effects = write(GOOD), write("model = 'A'\n[[effects]]\nname = 'stribeck'\njoints = [1]\n", "e.toml")
+    (problem,) = problems(lambda: load_scenario(path, effects=effects))
+    assert "[parameters]" in problem and "start values" in problem
+
+
+@pytest.mark.parametrize(("own", "left"), [(2, 7), (10, 10)])
+def test_internal_steps_that_an_effect_needs_make_no_component_coarser(write, own, left):
+    effects = write('model = "A"\n[parameters]\ninternal_steps = 7\n', "e.toml")
+    scenario = load_scenario(write(GOOD), effects=effects)
+    assert scenario.components["a"].parameters["internal_steps"] == 7
+    path = write(GOOD.replace("k = ", f"internal_steps = {own}, k = ", 1))
+    assert load_scenario(path, effects=effects).components["a"].parameters["internal_steps"] == left
+
+
 @pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
 def test_every_shipped_scenario_survives_writing(path):
     scenario = load_scenario(path.stem)

@@ -18,18 +18,19 @@ def command(
 ) -> None:
     """Trace the residual of a recording to a missing effect, add it to the FMU, report the error before and after."""
     from cosim.cli.folder import made
-    from cosim.closure.closure import Options, close_loop, load_previous
+    from cosim.closure import effects_file
+    from cosim.closure.closure import Options, close_loop
     from cosim.closure.output import sentence, write
     from cosim.effects import library
     from cosim.measured import read
 
     known = library(effect_file or ())
-    previous = load_previous(effects, known) if effects else ()
     recording = read(data, test or (), description)
+    previous = effects_file.load(effects, known, recording) if effects else ()
     made(out)
     closure = close_loop(recording, Options(effects=known, previous=previous, replayed=replay, progress=_tell))
     _tell("writing the results")
-    write(closure, out)
+    closure = write(closure, out)
     for text in closure.warnings:
         print(f"warning: {text}", file=sys.stderr)
     print(sentence(closure))

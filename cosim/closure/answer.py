@@ -37,7 +37,7 @@ def evidence(e: Evidence) -> dict:
 def _finding(found: Finding) -> dict:
     return {
         "name": found.name, "joints": list(found.joints), "parameters": dict(found.parameters),
-        "interval": {name: list(pair) for name, pair in found.interval.items()},
+        "interval": {name: list(pair) for name, pair in found.interval.items()}, "effective": effective(found),
         "indistinguishable_from": list(found.aliases), "separated_by": found.separated_by,
         "evidence": evidence(found.evidence) | {
             "equation": found.effect.equation, "source": found.effect.source, "earlier_pass": found.earlier,
@@ -46,6 +46,11 @@ def _finding(found: Finding) -> dict:
                        for r in found.rivals[:6]],
         },
     }  # fmt: skip
+
+
+def effective(found: Finding) -> list[str]:
+    """Parameters that hold more than their name says: smoothed motion hides how a link bounces between the sides of a gap."""
+    return [name for name in found.parameters if found.name == "backlash" and name.startswith(("joint_compliance", "joint_damping"))]
 
 
 def _unknown(closure: Closure) -> list[dict]:

@@ -1,13 +1,15 @@
 """A recording made ready: smoothed signals with derivatives at the full rate, and the thinned rows that residuals are formed on."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from attrs import frozen
 
 from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, noise_left, position_noise, slope_kernel
+from cosim.errors import InputError, Problem
 from cosim.measured import Recording, Run
 
+SAME_RATE = 0.005  # by which steps of runs may differ
 SAMPLED = 0.4  # widths of K that smoothed signals may be sampled at
 BLOCK = 0.5  # s, shortest length of the contiguous blocks that statistics count in
 MOST_BLOCKS = 60  # of the fitted rows
@@ -78,10 +80,10 @@ def prepare(recording: Recording, widths: Widths | None = None) -> Motion:
     """Smoothed signals of every run; the kernels are chosen from the encoder noise unless given.
 
     Once smoothed, a signal is kept at every `stride`-th sample: K leaves nothing that a step of 0.4 of its width would miss.
-    Recorded regressors are not smooth yet, so device "regressor" keeps every sample.
+    Recorded regressors are not smooth yet, so device "regressor" keeps every sample. Raises InputError where runs differ in rate.
     """
     runs = recording.runs
-    sample = float(np.median([run.step for run in runs]))
+    sample = _common_step(runs)
     widths = widths or choose_widths([run.q for run in runs], sample)
     stride = 1 if recording.device == "regressor" else max(int(SAMPLED * widths.first / sample), 1)
     counts = [len(range(0, len(run), stride)) for run in runs]
@@ -106,6 +108,16 @@ def prepare(recording: Recording, widths: Widths | None = None) -> Motion:
         angle_noise=noise,
         differentiated=any(run.dq is None or run.ddq is None for run in runs),
     )  # fmt: skip
+
+
+def _common_step(runs: Sequence[Run]) -> float:
+    """The sampling period [s] of all runs: derivatives, filters and delays count in it."""
+    step = float(np.median([run.step for run in runs]))
+    rates = {f"{1 / run.step:.4g} Hz": run.name for run in reversed(runs)}
+    if any(abs(run.step / step - 1) > SAME_RATE for run in runs):
+        names = ", ".join(f"{name} at {rate}" for rate, name in list(rates.items())[::-1][:6])
+        raise InputError(Problem("recordings", "one sampling rate", names, "resample them to the lowest rate, behind a low-pass below half of it"))
+    return step
 
 
 def _derivatives(run: Run, widths: Widths, step: float) -> tuple[np.ndarray, ...]:

@@ -3,43 +3,76 @@
 import json
 from pathlib import Path
 
+import numpy as np
+from attrs import evolve
+
+from cosim.closure import effects_file
 from cosim.closure.answer import answer
 from cosim.closure.closure import Closure
+from cosim.closure.effects_file import stepped
 from cosim.closure.verdict import Answer, Finding
 
+USUAL_STEP = 1e-3  # s, communication step of the shipped scenarios
 
-def write(closure: Closure, folder: Path | str) -> Path:
-    """Write all files; the folder is made. Returns the folder."""
-    from cosim.closure import effects_file
-    from cosim.closure.page import page
-    from cosim.report import write_report
+
+def write(closure: Closure, folder: Path | str) -> Closure:
+    """Write all files, the FMUs last; the folder is made. Returns what was written: an FMU that cannot be built is one more warning."""
+    from build_fmus import BuildError
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    result = answer(closure)
-    result["fmu"] = write_fmu(closure, folder)
-    (folder / "closure.json").write_text(json.dumps(result, indent=1, allow_nan=False), encoding="utf-8")
+    closure = _runnable(closure)
+    _write_texts(closure, folder)
+    try:
+        names = write_fmu(closure, folder)
+    except BuildError as error:
+        closure = evolve(closure, warnings=(*closure.warnings, f"no FMU of the model after: {'; '.join(error.problems)}"))
+        _write_texts(closure, folder)
+        return closure
+    _write_answer(closure, folder, names)
+    return closure
+
+
+def _write_texts(closure: Closure, folder: Path) -> None:
+    from cosim.closure.page import page
+    from cosim.report import write_report
+
+    _write_answer(closure, folder, [])
     source = ", ".join(closure.recording.files)
     text = effects_file.text(closure.verdict.findings, closure.recording.device, closure.effect_values, source)
     (folder / "effects.toml").write_text(text, encoding="utf-8")
     write_report(page(closure), folder / "report.html")
-    return folder
+
+
+def _write_answer(closure: Closure, folder: Path, fmus: list[str]) -> None:
+    text = json.dumps(answer(closure) | {"fmu": fmus}, indent=1, allow_nan=False)
+    (folder / "closure.json").write_text(text, encoding="utf-8")
+
+
+def _runnable(closure: Closure) -> Closure:
+    """Start values that run as they stand, at the step of the recording and at that of a scenario."""
+    step = max(USUAL_STEP, *(run.step for run in closure.recording.runs))
+    kinds = ("values_before", "values_after", "effect_values")
+    return evolve(closure, **{kind: stepped(getattr(closure, kind), step) for kind in kinds})
 
 
 def write_fmu(closure: Closure, folder: Path) -> list[str]:
-    """The drive's FMU (FMI 2 and 3) whose start values hold the fitted model with its effects; none for device "regressor"."""
+    """The drive's FMU (FMI 2 and 3) whose start values hold the fitted model with its effects; none for device "regressor".
+
+    Raises BuildError where no FMU can have them; then there is none, not even that of an earlier call.
+    """
     if not closure.values_after:
         return []
     from build_fmus import fmu_path, start_values
 
     model = "AxisDrive" if closure.recording.device == "axis" else "PhantomArm"
-    names = []
-    for version in (2, 3):
-        out = folder / f"fmi{version}" / f"{model}.fmu"
+    files = {version: folder / f"fmi{version}" / f"{model}.fmu" for version in (2, 3)}
+    for out in files.values():
         out.parent.mkdir(exist_ok=True)
+        out.unlink(missing_ok=True)
+    for version, out in files.items():
         start_values(fmu_path(model, version), closure.values_after, out)
-        names.append(str(out.relative_to(folder)))
-    return names
+    return [str(out.relative_to(folder)) for out in files.values()]
 
 
 def sentence(closure: Closure) -> str:
@@ -48,7 +81,8 @@ def sentence(closure: Closure) -> str:
     if verdict.answer is Answer.REFUSED:
         return f"refused: {'; '.join(verdict.warnings)}"
     error = closure.error
-    change = ", ".join(f"{a:.2f} -> {b:.2f} %" for a, b in zip(error.before, error.after, strict=True))
+    pairs = zip(error.before, error.after, strict=True)
+    change = ", ".join(f"{a:.2f} -> {b:.2f} %" if np.isfinite((a, b)).all() else "- (does not move)" for a, b in pairs)
     held = f"Held-out torque error per joint: {change}."
     if verdict.answer is Answer.COMPLETE:
         return f"model_complete: no effect is missing that this data can show. {held}"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cosim.closure.answer import effective
 from cosim.closure.closure import Closure
 from cosim.closure.errors import torque
 from cosim.closure.model import Model
@@ -47,15 +48,22 @@ def _errors(closure: Closure) -> Section | None:
         return None
     labels = closure.recording.joints
     floor = closure.floor or (None,) * len(labels)
-    rows = [(label, e.before[j], e.after[j], f"{e.interval[j][0]:.3g} to {e.interval[j][1]:.3g}", floor[j], e.all_before[j],
-             e.all_after[j], e.fitted_before[j], e.fitted_after[j]) for j, label in enumerate(labels)]  # fmt: skip
+    errors = e.before, e.after, e.interval, floor, e.all_before, e.all_after, e.fitted_before, e.fitted_after
+    rows = [(label, *(_cell(x[j]) for x in errors)) for j, label in enumerate(labels)]
     header = ("joint", "before", "after", "95 % interval", "floor", "before, with reversals", "after, with reversals", "before, fitted rows",
               "after, fitted rows")  # fmt: skip
     text = ("RMS of the residual as a share of the RMS of the measured torque (Taati Eq. 15), both filtered alike, on held-out rows. "
             "Standstill and reversals are left out: the direction of friction is not known there; beside it the error with reversals. The floor is what repeats of one "
-            "motion differ by; a dash where the recording holds none.")  # fmt: skip
+            "motion differ by. A dash: no repeats, or a joint that does not move in these rows.")  # fmt: skip
     figure = Figure(plots.error_bars(e.before, e.after, e.interval, floor, labels), "Held-out error of the torque")
     return Section("Error before and after", text, [Table(header, rows, "RMS error of the torque [%]")], [figure])
+
+
+def _cell(value: float | tuple[float, float] | None) -> float | str | None:
+    """A number or an interval for a table, None (a dash) where it is not known."""
+    if value is None or not np.isfinite(value).all():
+        return None
+    return f"{value[0]:.3g} to {value[1]:.3g}" if isinstance(value, tuple) else value
 
 
 def _held(model: Model) -> np.ndarray:
@@ -140,11 +148,14 @@ def _residual(closure: Closure) -> Section | None:
 
 
 def _parameters(closure: Closure) -> Section | None:
-    rows = [(f.name, f.joints, name, value, f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}", f.effect.equation)
+    rows = [(f.name, f.joints, f"{name}{' (effective)' * (name in effective(f))}", value, f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}", f.effect.equation)
             for f in closure.verdict.findings for name, value in f.parameters.items()]  # fmt: skip
     if not rows:
         return None
     text = "95 % intervals from the jackknife over contiguous blocks, all parameters of the model refitted together."
+    if any(map(effective, closure.verdict.findings)):
+        text += (" Compliance and damping beside a gap are effective values: they hold how the link bounces between its sides, "
+                 "which smoothed motion hides.")  # fmt: skip
     return Section("Parameters of the effects", text, [Table(("effect", "joints", "FMU parameter", "value", "interval", "equation"), rows)])
 
 
@@ -183,12 +194,13 @@ def _replay(closure: Closure) -> Section | None:
     if r is None:
         return None
     labels = closure.recording.joints
-    rows = [(label, r.before[j], r.after[j], f"{r.interval[j][0]:.3g} to {r.interval[j][1]:.3g}", r.position_before[j], r.position_after[j])
-            for j, label in enumerate(labels)]  # fmt: skip
+    errors = r.before, r.after, r.interval, r.position_before, r.position_after
+    rows = [(label, *(_cell(x[j]) for x in errors)) for j, label in enumerate(labels)]
     header = ("joint", "torque before [%]", "torque after [%]", "95 % interval", "position before", "position after")
     figures = [] if r.time is None else [Figure(plots.replayed(r.time, r.tau, r.tau_before, r.tau_after, labels, _unit(closure)))]
     text = (f"The recorded experiment ({r.kind}) as a co-simulation with the old and the new FMU, held-out rows. Positions: RMS in rad or m. "
-            "A replay can disagree with the torque error: its errors feed back through the controller.")  # fmt: skip
+            "A replay can disagree with the torque error: its errors feed back through the controller. A dash: a model that could not be "
+            "replayed (see the warnings).")  # fmt: skip
     return Section("Replay as a co-simulation", text, [Table(header, rows)], figures)
 
 

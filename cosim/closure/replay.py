@@ -13,13 +13,16 @@ that the replay already has (`without_hold`).
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 from attrs import field, frozen
 
+from cosim.closure.effects_file import stepped
 from cosim.closure.law import Law, difference, find_laws, injected
 from cosim.closure.smoothing import convolve, kernel, position_noise
+from cosim.errors import InputError, RunError
 from cosim.measured.recording import Recording, Run
 from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
 from cosim.signals import Signal
@@ -29,12 +32,17 @@ GUIDE = 2 * np.pi * 4.0  # rad/s, natural frequency of the guiding PD
 SMOOTH = (0.0, 1.5e-3, 2.5e-3, 4e-3, 6e-3)  # s, widths of the kernel over the path that guides
 JITTER = 0.005  # of the torque: what encoder noise on that path may ask for
 BLOCK = 0.5  # s, blocks of the bootstrap
+LATE = 0.7 / GUIDE  # s: half of the lag from which on the guiding PD is unstable
+LEAST = 0.5  # of the judged rows: a model that is replayed through fewer has no replay error
+WORSE = 1.2  # times the error before: a replay above that, beyond its interval, is said to disagree
 LAGS = ("actuator_lag", "time_delay")
+SIDES = ("before", "after")
 
 
 @frozen(eq=False)
 class Replay:
-    """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2).
+    """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2); nan for a
+    model that could not be replayed.
 
     Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q
     [rad or m].
@@ -82,14 +90,15 @@ def replay(
     Errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s], as for the torque
     error: the recorded torque holds the noise of its encoder and amplifier, the replay does not.
     The model is AxisDrive for device "axis" and PhantomArm for device "phantom"; None for device "regressor".
-    Raises InputError where an FMU has no such parameter, RunError where it fails.
+    A side that cannot be replayed is nan, and a warning says why. Raises RunError where neither can.
     """
     if recording.device == "regressor":
         return None
     laws = find_laws(recording)
     held = [run for run in recording.runs if run.test.any()]
     paths = [_recorded_loop(run, laws) if laws else _guided(run, before, len(recording.joints)) for run in held]
-    runs = [_compared(recording.device, path, before, after) for path in paths]
+    first = min(run.time[0] for run in recording.runs)
+    runs = [_compared(recording.device, path, *(begun(x, path.run.time[0] - first) for x in (before, after))) for path in paths]
     return _summary(runs, laws or (), width)
 
 
@@ -102,6 +111,15 @@ def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, obj
             less = np.where(value > 0, np.maximum(value - step / 2, 0.0), 0.0)
             changed[name] = less.tolist() if value.ndim else float(less)
     return changed
+
+
+def begun(parameters: Mapping[str, object], start: float) -> dict[str, object]:
+    """Parameters of a run that begins `start` seconds into the recording: f (1 + d (start + t)) = f' (1 + d' t)."""
+    drift = np.asarray(parameters.get("friction_drift", 0.0), float)
+    grown = 1 + drift * start
+    changed = {name: np.asarray(parameters[name], float) * grown for name in ("viscous", "coulomb") if name in parameters}
+    changed |= {"friction_drift": drift / grown}
+    return {**parameters, **{name: value.tolist() for name, value in changed.items()}} if drift.any() else dict(parameters)
 
 
 def _recorded_loop(run: Run, laws: Sequence[Law]) -> _Path:
@@ -145,31 +163,58 @@ def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:
 
 
 @frozen(eq=False)
+class _Side:
+    """One model through one run: tau, q (n, nj), nan from where it ended; why it ended early, else ""."""
+
+    tau: np.ndarray
+    q: np.ndarray
+    ended: str = ""
+
+
+@frozen(eq=False)
 class _Compared:
     path: _Path
-    before: np.ndarray
-    after: np.ndarray
-    q_before: np.ndarray
-    q_after: np.ndarray
+    before: _Side
+    after: _Side
 
 
 def _compared(device: str, path: _Path, before: Mapping, after: Mapping) -> _Compared:
-    """Both plants through one run: torque (n, nj) and position (n, nj) of either."""
+    """Both plants through one run, each by itself."""
     from cosim.fmu import open_system
+
+    with tempfile.TemporaryDirectory(prefix="cosim-replay-") as folder:
+        scenario = experiment(device, path, {}, Path(folder))
+        with open_system(scenario) as system:
+            return _Compared(path, *(_played(scenario, system, path, values) for values in (before, after)))
+
+
+def _played(scenario: Scenario, system, path: _Path, parameters: Mapping) -> _Side:
     from cosim.master import run as execute
     from cosim.scenario import with_parameters
 
-    with tempfile.TemporaryDirectory(prefix="cosim-replay-") as folder:
-        scenario = experiment(device, path, before, Path(folder))
-        outcomes = []
-        with open_system(scenario) as system:
-            for values in (before, after):
-                changed = with_parameters(scenario, {f"drive.{key}": value for key, value in values.items()})
-                result = execute(changed, system, record=["controller.tau", "drive.q"])
-                if result.failure is not None:
-                    raise result.failure
-                outcomes.append((_column(result, "controller.tau", path), _column(result, "drive.q", path)))
-    return _Compared(path, outcomes[0][0], outcomes[1][0], outcomes[0][1], outcomes[1][1])
+    values = stepped(dict(parameters), path.run.step)
+    try:
+        changed = with_parameters(scenario, {f"drive.{key}": value for key, value in values.items()})
+        result = execute(changed, system, record=["controller.tau", "drive.q"])
+    except (InputError, RunError) as error:
+        nothing = np.full_like(path.q_ref, np.nan)
+        return _Side(nothing, nothing, str(error))
+    tau, q = _column(result, "controller.tau", path), _column(result, "drive.q", path)
+    away = (np.abs(q - path.run.q) > np.ptp(path.run.q, axis=0).max()).any(axis=1)
+    if away.any():
+        first = int(np.argmax(away))
+        tau[first:], q[first:] = np.nan, np.nan
+        return _Side(tau, q, _unstable(path, first * path.run.step, values))
+    return _Side(tau, q, str(result.failure or ("" if result.stopped_at is None else result.message)))
+
+
+def _unstable(path: _Path, time: float, values: Mapping) -> str:
+    """In words: the drive was farther from the recorded path than that is wide."""
+    late = float(np.max(sum(np.asarray(values.get(name, 0.0)) for name in LAGS)))
+    text = f"the loop is unstable: the drive had run away by t = {time:.3g} s"
+    if path.guided and late > LATE:
+        return f"{text}, its torque comes {1e3 * late:.0f} ms late, too late for the PD of {GUIDE / (2 * np.pi):.2g} Hz that guides it"
+    return f"{text}, {'the PD that guides it' if path.guided else 'the recorded law'} does not hold this model"
 
 
 def _column(result, name: str, path: _Path) -> np.ndarray:
@@ -238,26 +283,51 @@ def _wires(device: str, joints: int) -> tuple[Connection, ...]:
     return tuple(wires)
 
 
+@frozen(eq=False)
+class _Rows:
+    """Torque, position and smoothed torque (n, nj) on the judged rows of all runs."""
+
+    tau: np.ndarray
+    q: np.ndarray
+    calm: np.ndarray
+
+    @classmethod
+    def of(cls, compared: Sequence[_Compared], width: float, pick) -> "_Rows":
+        smooth = lambda c: convolve(pick(c).tau, kernel(width / c.path.run.step))
+        return cls(*(_judged(compared, x) for x in (lambda c: pick(c).tau, lambda c: pick(c).q, smooth)))
+
+    @property
+    def reached(self) -> np.ndarray:
+        """(n,) bool: where everything is known."""
+        return np.isfinite(np.column_stack((self.tau, self.q, self.calm))).all(axis=1)
+
+    def at(self, rows: np.ndarray, known: bool = True) -> "_Rows":
+        """The chosen rows; nan where nothing is to be known of them."""
+        return _Rows(*(x[rows] if known else np.full_like(x[rows], np.nan) for x in (self.tau, self.q, self.calm)))
+
+
 def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float) -> Replay:
-    """Errors over the judged rows of all runs."""
-    smooth = lambda x, run: convolve(x, kernel(width / run.step))
-    torques = (lambda c: c.path.run.tau, lambda c: c.before, lambda c: c.after)
-    positions = (lambda c: c.path.run.q, lambda c: c.q_before, lambda c: c.q_after)
-    tau, before, after = (_judged(compared, pick) for pick in torques)
-    q, q_before, q_after = (_judged(compared, pick) for pick in positions)
-    calm = [_judged(compared, lambda c, x=x: smooth(x(c), c.path.run)) for x in torques]
-    keep = np.isfinite(np.column_stack((before, after, *calm))).all(axis=1)
-    size = max(round(BLOCK / compared[0].path.run.step), 1)
-    last = compared[-1]
+    """Errors on the judged rows that each side reached that counts. Raises RunError where none counts."""
+    sides = [_Rows.of(compared, width, attrgetter(side)) for side in SIDES]
+    counts = [bool(len(side.tau)) and side.reached.mean() >= LEAST for side in sides]
+    if not any(counts):
+        first, second = (_reasons(compared, side) for side in SIDES)
+        why = first if first == second else [f"model {side}, {x}" for side, xs in zip(SIDES, (first, second), strict=True) for x in xs]
+        raise RunError("drive", None, "; ".join(why) or f"no held-out row after the first {SETTLE} s of a run")
+    keep = np.all([side.reached for side, good in zip(sides, counts, strict=True) if good], axis=0)
+    recorded = _Rows.of(compared, width, lambda c: c.path.run).at(keep)
+    before, after = (side.at(keep, good) for side, good in zip(sides, counts, strict=True))
+    size, last = max(round(BLOCK / compared[0].path.run.step), 1), compared[-1]
+    shown = [getattr(last, side).tau * (1.0 if good else np.nan) for side, good in zip(SIDES, counts, strict=True)]
+    errors = [_percent(side.calm, recorded.calm) for side in (before, after)]
+    interval = _interval(after.calm - recorded.calm, recorded.calm, size)
     return Replay(
-        kind="guided" if compared[0].path.guided else "closed loop",
-        before=_percent(calm[1][keep], calm[0][keep]), after=_percent(calm[2][keep], calm[0][keep]),
-        interval=_interval(calm[2][keep] - calm[0][keep], calm[0][keep], size),
-        raw_before=_percent(before[keep], tau[keep]), raw_after=_percent(after[keep], tau[keep]),
-        position_before=_rms(q_before[keep] - q[keep]), position_after=_rms(q_after[keep] - q[keep]),
+        kind="guided" if compared[0].path.guided else "closed loop", before=errors[0], after=errors[1], interval=interval,
+        raw_before=_percent(before.tau, recorded.tau), raw_after=_percent(after.tau, recorded.tau),
+        position_before=_rms(before.q - recorded.q), position_after=_rms(after.q - recorded.q),
         runs=tuple(c.path.run.name for c in compared), laws=laws,
-        warnings=_notes(compared, laws, float(np.mean(~keep))),
-        time=last.path.run.time, tau=last.path.run.tau, tau_before=last.before, tau_after=last.after,
+        warnings=(*_notes(compared, laws), *_lost(compared, counts, 1 - keep.mean()), *_worse(*errors, interval)),
+        time=last.path.run.time, tau=last.path.run.tau, tau_before=shown[0], tau_after=shown[1],
     )  # fmt: skip
 
 
@@ -290,7 +360,7 @@ def _interval(error: np.ndarray, tau: np.ndarray, size: int) -> tuple[tuple[floa
     return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
 
 
-def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...], lost: float) -> tuple[str, ...]:
+def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...]) -> tuple[str, ...]:
     notes = []
     for path in (c.path for c in compared):
         rest = [injected(law, path.run, joint) for joint, law in enumerate(laws)]
@@ -303,6 +373,28 @@ def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...], lost: float) ->
     if not laws:
         notes.append("no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a "
                      "soft PD that holds the drive on the recorded path; the error is the torque it needs")  # fmt: skip
-    if lost:
-        notes.append(f"a replay left the model's domain: {lost:.0%} of the rows are not judged")
     return tuple(notes)
+
+
+def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -> list[str]:
+    """What the sides did not run through, and why; share: of the rows that are not judged."""
+    notes = []
+    for side, good in zip(SIDES, counts, strict=True):
+        if why := "; ".join(_reasons(compared, side)):
+            what = f"the replay of the model {side} ended early, {share:.0%} of the rows are not judged" if good else f"no replay of the model {side}"
+            notes.append(f"{what}: {why}")
+    return notes
+
+
+def _worse(before: Sequence[float], after: Sequence[float], interval: Sequence[tuple[float, float]]) -> list[str]:
+    """In words: joints whose replay is clearly worse with the model after."""
+    pairs = zip(before, after, interval, strict=True)
+    joints = [f"joint {j} {b:.2f} -> {a:.2f} %" for j, (b, a, (low, _)) in enumerate(pairs, 1) if a > WORSE * b and low > b]
+    if not joints:
+        return []
+    return [f"the replay is worse with the model after than before ({', '.join(joints)}) and so disagrees with the torque error: in a replay "
+            "errors feed back through the controller and from joint to joint"]  # fmt: skip
+
+
+def _reasons(compared: Sequence[_Compared], side: str) -> list[str]:
+    return [f"{c.path.run.name}: {text}" for c in compared if (text := getattr(c, side).ended)]

@@ -1,11 +1,15 @@
 """The effects that are known: those of the contract, and those of a user's own file."""
 
 import importlib.util
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import wraps
+from inspect import isfunction
 from pathlib import Path
 
+import numpy as np
+
 from cosim.effects.actuator import ActuatorLag, TimeDelay, TorqueDeadband, TorqueGain, TorqueSaturation
-from cosim.effects.effect import Effect
+from cosim.effects.effect import Effect, Scene
 from cosim.effects.load import LoadFriction
 from cosim.effects.mounting import BaseTilt, EncoderOffset, Payload
 from cosim.effects.position import Hysteresis, PositionFriction, PositionTorque, TorqueRipple
@@ -29,21 +33,64 @@ def library(files: Iterable[Path | str] = ()) -> tuple[Effect, ...]:
 
 
 def load_effects(path: Path | str) -> tuple[Effect, ...]:
-    """Instances of every concrete `Effect` that a Python file defines. Raises InputError."""
+    """Instances of every concrete `Effect` that a Python file defines. Raises InputError, as do their methods where they fail."""
     path = Path(path)
-    if not path.is_file():
-        raise InputError(Problem(str(path), "a Python file with an Effect", "no such file"))
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(Problem(str(path), "a Python file that runs", f"{type(error).__name__}: {error}")) from error
-    kinds = [k for k in vars(module).values() if isinstance(k, type) and issubclass(k, Effect) and k.__module__ == path.stem]
-    found = tuple(kind() for kind in kinds if not kind.__abstractmethods__)
-    if not found:
-        raise InputError(Problem(str(path), "at least one class derived from cosim.effects.Effect", "none"))
+    if not path.is_file() or path.suffix != ".py":
+        raise InputError(Problem(str(path), "a Python file, named .py, with an Effect", "another name" if path.is_file() else "no such file"))
+    kinds = [k for k in vars(_module(path)).values() if isinstance(k, type) and issubclass(k, Effect) and k.__module__ == path.stem]
+    whole = [kind for kind in kinds if not kind.__abstractmethods__]
+    if not whole:
+        lacking = [f"{k.__name__} without {' and '.join(sorted(k.__abstractmethods__))}" for k in kinds]
+        raise InputError(Problem(str(path), "at least one class derived from cosim.effects.Effect", ", ".join(lacking) or "none"))
+    found = tuple(_made(kind, path) for kind in whole)
     unnamed = [type(effect).__name__ for effect in found if not effect.name]
     if unnamed:
         raise InputError(Problem(str(path), "a `name` for every effect", f"none in {', '.join(unnamed)}"))
     return found
+
+
+def _module(path: Path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        raise InputError(Problem(str(path), "a Python file that runs", f"{type(error).__name__}: {error}")) from error
+    return module
+
+
+def _made(kind: type[Effect], path: Path) -> Effect:
+    """An instance of the class with its own methods watched."""
+    methods = [name for name, value in vars(Effect).items() if isfunction(value) and getattr(kind, name) is not value]
+    watched = {name: _watched(getattr(kind, name), f"{path}: {kind.__name__}.{name}") for name in methods}
+    try:
+        return type(kind.__name__, (kind,), watched | {"__module__": kind.__module__})()
+    except (Exception, SystemExit) as error:
+        raise InputError(Problem(f"{path}: {kind.__name__}", "a class that is made without arguments", f"{type(error).__name__}: {error}")) from error
+
+
+def _watched(method, where: str):
+    """The method, with what it raises and columns of another shape told as an InputError that names it."""
+
+    @wraps(method)
+    def call(self, *arguments):
+        try:
+            value = method(self, *arguments)
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise InputError(Problem(where, "a method that runs", f"{type(error).__name__}: {error}")) from error
+        if method.__name__ == "columns" and not _are_columns(value, arguments[0]):
+            shapes = {j: np.shape(x) for j, x in value.items()} if isinstance(value, Mapping) else type(value).__name__
+            expected = f"joint (from 0) -> array (n, k), n = {len(arguments[0].motion.time)}, the same k for all"
+            raise InputError(Problem(where, expected, str(shapes)))
+        return value
+
+    return call
+
+
+def _are_columns(value: object, scene: Scene) -> bool:
+    if not isinstance(value, Mapping) or not value or not set(value) <= set(range(scene.joints)):
+        return False
+    shapes = {np.shape(x) for x in value.values()}
+    return len(shapes) == 1 and len(shape := shapes.pop()) == 2 and shape[0] == len(scene.motion.time) and shape[1] > 0

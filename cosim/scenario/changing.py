@@ -95,6 +95,8 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
     table = read_toml(path)
     unknown_keys(table, {"format", "model", "components", "parameters", "effects", "provenance"}, path.name, problems)
     kinds = {"parameters": dict, "model": str, "components": list, "effects": list}
+    if "parameters" not in table:
+        problems.append(Problem(f"{path.name}: [parameters]", "a table of start values", "none", "close-loop writes it into effects.toml"))
     wrong = [key for key, kind in kinds.items() if key in table and not isinstance(table[key], kind)]
     if wrong or table.get("format", 1) != 1:
         problems += [Problem(f"{path.name}: {key}", _KINDS[kinds[key]], repr(table[key])) for key in wrong]
@@ -112,7 +114,10 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
         problems.append(Problem(f"{path.name}: model", f"a model in scenario {scenario.name}", repr(model)))
     components = dict(scenario.components)
     for name in (name for name in chosen if name in components):
+        own = components[name].parameters.get("internal_steps")
         for key, value in values.items():
+            if key == "internal_steps" and isinstance(value, int) and isinstance(own, int):
+                value = max(value, own)  # what an effect needs makes nothing coarser
             components[name] = _component_with(components[name], key, value, path.name, problems)
     labels = tuple(str(entry.get("name", "?")) for entry in table.get("effects", ()) if isinstance(entry, dict))
     return evolve(scenario, components=components, effects=scenario.effects + (labels or tuple(values)))

@@ -1,7 +1,6 @@
 """The loop closed with measured data: recording in, verdict with evidence out, in one pass of named stages."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -202,9 +201,4 @@ def _replayed(closure: Closure, options: Options) -> Closure:
     return evolve(closure, replay=result, warnings=(*closure.warnings, *(result.warnings if result else ())))
 
 
-def load_previous(path: Path | str, effects: tuple[Effect, ...]) -> tuple[Choice, ...]:
-    """Effects of an earlier pass from its effects.toml. Raises InputError."""
-    return effects_file.load(path, effects)
-
-
-__all__ = ["Answer", "Closure", "Finding", "Options", "close_loop", "load_previous"]
+__all__ = ["Answer", "Closure", "Finding", "Options", "close_loop"]

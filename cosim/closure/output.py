@@ -84,12 +84,13 @@ def sentence(closure: Closure) -> str:
     pairs = zip(error.before, error.after, strict=True)
     change = ", ".join(f"{a:.2f} -> {b:.2f} %" if np.isfinite((a, b)).all() else "- (does not move)" for a, b in pairs)
     held = f"Held-out torque error per joint: {change}."
+    names = ", ".join(map(_named, verdict.findings))
     if verdict.answer is Answer.COMPLETE:
-        return f"model_complete: no effect is missing that this data can show. {held}"
+        beside = f" beside those of the earlier pass ({names})" if names else ""
+        return f"model_complete: no effect is missing that this data can show{beside}. {held}"
     left = "; ".join(dict.fromkeys(f"joint {x.joint + 1}: {' and '.join(x.signals)}" for x in verdict.leftovers[:3]))
     if verdict.answer is Answer.UNEXPLAINED:
         return f"unexplained: something is missing without a name{f' (the residual depends on {left})' if left else ''}. {held}"
-    names = ", ".join(map(_named, verdict.findings))
     rest = f" Something else is left without a name ({left})." if left else ""
     return f"effect_found: {names}. {held}{rest}"
 

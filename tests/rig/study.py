@@ -1,4 +1,4 @@
-"""Studies of the decision rule on blind rigs, printed as tables:  python -m tests.rig.study nulls|detection|pairs|outside|viscosity
+"""Studies of the decision rule on blind rigs, printed as Markdown:  python -m tests.rig.study nulls|detection|pairs|outside|viscosity
 
 Every study simulates with tests/rig (own equations) and judges with `close_loop` as the command does. Nothing in the tool is fitted to
 the seeds used here: the rule was set on seeds below 2000, the studies use seeds from 2000 on.
@@ -49,13 +49,12 @@ def nulls(options):
     seeds = range(options.first, options.first + options.count)
     out = _run([(complete(s), experiment(s)) for s in seeds], options)
     good = [o for o in out if o.good]
-    wrong = [o for o in good if o.verdict != "model_complete"]
-    print(f"complete models: {len(good)}, false claims: {sum(o.verdict == 'effect_found' for o in good)}, "
-          f"unexplained: {sum(o.verdict == 'unexplained' for o in good)}, refused: {sum(o.verdict == 'refused' for o in good)}")
-    print(f"rate of anything but model_complete: {100 * len(wrong) / len(good):.2f} %, "
-          f"upper 95 % bound {100 * upper_bound(len(wrong), len(good)):.2f} %")
-    for o in wrong:
-        print(f"  seed {o.seed}: {o.verdict} {o.found} {o.unknown[:2]}")
+    said = {v: sum(o.verdict == v for o in good) for v in ("effect_found", "unexplained", "refused")}
+    print(f"**Complete models**: {len(good)}; {said['effect_found']} with a claim (upper 95 % bound "
+          f"{100 * upper_bound(said['effect_found'], len(good)):.2f} %), {said['unexplained']} `unexplained`, {said['refused']} refused.")  # fmt: skip
+    for o in good:
+        if o.verdict != "model_complete":
+            print(f"- seed {o.seed}: {o.verdict} {o.found} {o.unknown[:2]}")
     return out
 
 
@@ -71,12 +70,12 @@ def detection(options):
     tasks += [(hidden(n, a, s), experiment(s)) for a in options.sizes for n in names for s in seeds]
     out = _run(tasks, options)
     floors = {o.seed: o.before for o in out[: len(seeds)] if o.good}
-    failed = [o for o in out if o.verdict.startswith("error")]
-    print(f"trials that ended in an error: {len(failed)} {[(o.label, o.seed, o.verdict) for o in failed] or ''}")
     found = [o for o in out[len(seeds) :] if o.good and o.before and o.seed in floors]
-    table(found, names, options.sizes, floors)
+    failed = [(o.label, o.seed, o.verdict) for o in out if o.verdict.startswith("error")]
+    print(f"**One effect of the library**: {len(names)} effects, {len(found)} runs; {len(failed)} ended in an error {failed or ''}\n")
     visibility(found, floors)
     precision(found, floors)
+    table(found, names, options.sizes, floors)
     return out
 
 
@@ -87,55 +86,61 @@ def share(o, floors):
 
 
 def visibility(found, floors):
-    """Right names by how far the effect shows; the detection limit is where 90 % and more are right from there on."""
+    """Right names by how far the effect shows; the detection limit is where 95 % and more are right from there on."""
     edges = (0, 0.25, 0.5, 0.75, 1, 1.5, 2, 4, np.inf)
     shown = np.array([share(o, floors) for o in found])
-    print("effect adds to the residual (times the floor)    runs  right  wrong names")
+    print("| adds to the residual, times the floor | runs | right | with a wrong name |\n|---|---|---|---|")
     for low, high in zip(edges, edges[1:], strict=False):
         group = [o for o, x in zip(found, shown, strict=True) if low <= x < high]
         if group:
-            print(f"  {low:4g} to {high:4g}  {len(group):36d} {100 * np.mean([o.right for o in group]):5.0f} %  {sum(bool(o.extra) for o in group)}")
+            right, extra = 100 * np.mean([o.right for o in group]), sum(bool(o.extra) for o in group)
+            print(f"| {f'{low:g} to {high:g}' if high < np.inf else f'above {low:g}'} | {len(group)} | {right:.0f} % | {extra} |")
     limit = next((x for x in edges[:-1] if np.mean([o.right for o, y in zip(found, shown, strict=True) if y >= x] or [0]) >= 0.95), None)
-    if limit is not None:
-        above = [o for o, x in zip(found, shown, strict=True) if x >= limit]
-        right = sum(o.right for o in above)
-        print(f"above {limit:g} times the floor: {right} of {len(above)} right = {100 * right / len(above):.1f} %, lower 95 % bound "
-              f"{100 * lower_bound(right, len(above)):.1f} %; wrong names beside or instead in {sum(bool(o.extra) for o in above)}")
-        for o in above:
-            if not o.right or o.extra:
-                print(f"  {o.label} {o.size:g} seed {o.seed} joints {list(o.truth.values())}: {o.verdict} {o.found} {o.unknown[:2]}")
+    if limit is None:
+        print("\nNo detection limit: less than 95 % are right however far the effects show.")
+        return
+    above = [o for o, x in zip(found, shown, strict=True) if x >= limit]
+    right = sum(o.right for o in above)
+    print(f"\nDetection limit (95 % right from there on): {limit:g} times the floor. Above it {right} of {len(above)} are right, {100 * right / len(above):.1f} %, "
+          f"lower 95 % bound **{100 * lower_bound(right, len(above)):.1f} %**; a wrong name in {sum(bool(o.extra) for o in above)}.")  # fmt: skip
+    missed = [o for o in above if not o.right or o.extra]
+    print("Missed or beside: " + "; ".join(
+        f"{o.label} {o.size:g}, seed {o.seed}: {' '.join(f[0] for f in o.found) or o.verdict}" for o in missed))  # fmt: skip
 
 
 def precision(found, floors):
     """Parameters of the runs with the right name alone: inside their intervals; held-out error after it over the floor."""
-    inside, ratio, before, own = [], [], [], {}
+    inside, ratios = [], [ratio(o, floors) for o in found if o.right and not o.extra]
     for o in found:
         if o.right and not o.extra:
             values = {k: v for k, v in true_parameters(hidden(o.label, o.size, o.seed)).items() if k in o.interval}
             inside += [(o.label, o.interval[k][0] <= v <= o.interval[k][1]) for k, v in values.items()]
-            joints = [j - 1 for joints in o.truth.values() for j in joints]
-            ratio.append(max(o.after[j] / floors[o.seed][j] for j in joints))
-            own.setdefault(o.label, []).append(ratio[-1])
-            before.append(max(o.before[j] / floors[o.seed][j] for j in joints))
-    if ratio:
-        print(f"parameters inside their 95 % intervals: {sum(x for _, x in inside)} of {len(inside)}; outside: "
-              f"{ {n: sum(not x for m, x in inside if m == n) for n in sorted({m for m, x in inside if not x})} or ''}")
-        print(f"held-out error over the floor, worst joint of each run, median: before {np.median(before):.2f}, after {np.median(ratio):.2f}; "
-              f"after within 1.2 in {100 * np.mean(np.array(ratio) <= 1.2):.0f} % of the runs")
-        print("median after over the floor, of effects that leave more: "
-              + ", ".join(f"{n} {np.median(r):.2f}" for n, r in sorted(own.items(), key=lambda x: -np.median(x[1])) if np.median(r) > 1.05))
+    if ratios:
+        before, after = np.array(ratios).T
+        outside = {n: sum(not x for m, x in inside if m == n) for n in sorted({m for m, x in inside if not x})}
+        print(f"\nParameters inside their 95 % intervals: {sum(x for _, x in inside)} of {len(inside)} (outside: {outside}). Held-out error over the floor, "
+              f"worst joint of each run, median: {np.median(before):.2f} before, **{np.median(after):.2f}** after; after within 1.2 in "
+              f"{100 * np.mean(after <= 1.2):.0f} %.\n")  # fmt: skip
+
+
+def ratio(o, floors):
+    """Held-out error before and after over the floor, the worst joint with the effect."""
+    joints = [j - 1 for joints in o.truth.values() for j in joints]
+    return tuple(max(e[j] / floors[o.seed][j] for j in joints) for e in (o.before, o.after))
 
 
 def table(found, names, sizes, floors):
-    """Per effect: right of all runs at each size; the least that was named and the most that was missed, in floors; wrong names."""
-    print(f"{'effect':20s}" + "".join(f"{f'size {a:g}':>12s}" for a in sizes) + "   named from   missed up to   wrong names")
+    """Per effect: right of all runs at each size; the least named and the most missed, in floors; error after over the floor."""
+    heads = ("effect", *(f"size {a:g}" for a in sizes), "named from", "missed up to", "error after / floor", "wrong names")
+    print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     for name in names:
         own = [o for o in found if o.label == name]
-        cells = "".join(f"{f'{sum(o.right for o in group)}/{len(group)}':>12s}" for a in sizes for group in [[o for o in own if o.size == a]])
+        cells = [f"{sum(o.right for o in group)}/{len(group)}" for a in sizes for group in [[o for o in own if o.size == a]]]
         named, missed = ([share(o, floors) for o in own if o.right is right] for right in (True, False))
+        after = [ratio(o, floors)[1] for o in own if o.right and not o.extra]
         extra = [f[0] for o in own for f in o.extra]
-        print(f"{name:20s}{cells}   {min(named, default=np.nan):10.2f}   {max(missed, default=np.nan):12.2f}   "
-              f"{ {n: extra.count(n) for n in sorted(set(extra))} or ''}")
+        cells += [f"{x:.2f}" if np.isfinite(x) else "-" for x in (min(named, default=np.nan), max(missed, default=np.nan), np.median(after or [np.nan]))]
+        print(f"| {' | '.join((name, *cells, ', '.join(f'{n} {extra.count(n)}' for n in sorted(set(extra)))))} |")
 
 
 def pairs(options):
@@ -143,15 +148,15 @@ def pairs(options):
     seeds = range(options.first, options.first + options.count)
     tasks = [(two(a, b, options.size, s), experiment(s)) for a, b in PAIRS for s in seeds]
     out = _run(tasks, options)
+    print("| pair | both | at least one | wrong names |\n|---|---|---|---|")
     for a, b in PAIRS:
         group = [o for o in out if o.label == f"{a}+{b}" and o.good]
         one = sum(any(o.hit(n, j) for n, j in o.truth.items()) for o in group)
         extra = [f[0] for o in group for f in o.extra]
-        print(f"{a + ' + ' + b:42s} both {sum(o.right for o in group):3d}/{len(group)}  at least one {one:3d}  wrong "
-              f"{ {n: extra.count(n) for n in sorted(set(extra))} or ''}")
+        print(f"| {a} + {b} | {sum(o.right for o in group)}/{len(group)} | {one} | {', '.join(f'{n} {extra.count(n)}' for n in sorted(set(extra)))} |")
     good = [o for o in out if o.good]
     right = sum(o.right for o in good)
-    print(f"both named: {right} of {len(good)} = {100 * right / len(good):.1f} %, lower 95 % bound {100 * lower_bound(right, len(good)):.1f} %")
+    print(f"\nBoth named: {right} of {len(good)}, {100 * right / len(good):.1f} %, lower 95 % bound **{100 * lower_bound(right, len(good)):.1f} %**.")
     return out
 
 
@@ -160,14 +165,14 @@ def beyond(options):
     seeds = range(options.first, options.first + options.count)
     tasks = [(outside(n, options.size, s), experiment(s)) for n in OUTSIDE for s in seeds]
     out = _run(tasks, options)
+    print("| effect | `unexplained` | with the right signals | `model_complete` | named |\n|---|---|---|---|---|")
     for name, (_, signals) in OUTSIDE.items():
         group = [o for o in out if o.label == name and o.good]
         named = [f[0] for o in group for f in o.found]
         said = sum(o.verdict == "unexplained" for o in group)
         right = sum(o.verdict == "unexplained" and any(_fits(x, signals) for x in o.unknown) for o in group)
         nothing = sum(o.verdict == "model_complete" for o in group)
-        print(f"{name:16s} unexplained {said}/{len(group)}, with the right signals {right}, model_complete {nothing}, named "
-              f"{ {n: named.count(n) for n in sorted(set(named))} or ''}")
+        print(f"| {name} | {said}/{len(group)} | {right} | {nothing} | {', '.join(f'{n} {named.count(n)}' for n in sorted(set(named)))} |")
     return out
 
 
@@ -195,7 +200,7 @@ def viscosity(options):
         group = [o for o in out if o.label == label and o.good]
         negative = np.mean([v < 0 for o in group for v in o.viscous])
         named = np.mean([any(f[0] == "stribeck" or "stribeck" in f[2] for f in o.found) for o in group])
-        print(f"{label:16s} complete model: {100 * negative:.0f} % of the viscous coefficients negative, stribeck named in {100 * named:.0f} %")
+        print(f"- {label}: {100 * negative:.0f} % of the complete model's viscous coefficients are negative, stribeck is named in {100 * named:.0f} %")
     return out
 
 

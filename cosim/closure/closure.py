@@ -81,8 +81,8 @@ def _completed(recording: Recording, before: Model, selection: Selection, verdic
     verdict = _no_worse(verdict, before)
     verdict = _without_names(verdict, before, torque_error(before, verdict.best))
     error = torque_error(before, verdict.best)
-    values = [_values(recording, m) for m in (before, verdict.model)]
-    own = _summed(verdict.findings)
+    built = [in_form(m) for m in (before, verdict.model)]
+    values, own = [_values(recording, m) for m in built], _of_effects(built[1])
     closure = Closure(
         recording, verdict, before, selection, error, floor(before), None, values[0], values[1],
         effects_file.start_values(own, recording.device), (*recording.warnings, *_warnings(before, verdict)),
@@ -127,24 +127,22 @@ def _values(recording: Recording, model: Model) -> dict:
     """Start values of the drive's FMU for a model: rigid body, friction, effects. Empty for device "regressor"."""
     if recording.device == "regressor":
         return {}
-    model = in_form(model)
     labels = dict(zip(model.names, map(float, model.fit.beta), strict=False))
     if model.setting.declared_pi is not None:
         labels |= {f"pi[{k + 1}]": float(v) for k, v in enumerate(model.setting.declared_pi)}
     labels |= {f"coulomb_velocity[{j + 1}]": max(law.width, 1e-3 * _top(model, j)) for j, law in enumerate(model.laws)}
-    for number, choice in enumerate(model.choices):
-        if choice.effect.name != "unknown":
-            for name, value in intervals(model, number)[0].items():
-                labels[name] = labels.get(name, 0.0) + value
+    for name, value in _of_effects(model).items():
+        labels[name] = labels.get(name, 0.0) + value
     return effects_file.start_values(labels, recording.device)
 
 
-def _summed(findings: tuple[Finding, ...]) -> dict[str, float]:
-    """Parameters of all findings; two that give the same one (an offset within a position torque) are added."""
+def _of_effects(model: Model) -> dict[str, float]:
+    """Parameters of a model's effects; two that give the same one (an offset within a position torque) are added."""
     out: dict[str, float] = {}
-    for found in findings:
-        for name, value in found.parameters.items():
-            out[name] = out.get(name, 0.0) + value
+    for number, choice in enumerate(model.choices):
+        if choice.effect.name != "unknown":
+            for name, value in intervals(model, number)[0].items():
+                out[name] = out.get(name, 0.0) + value
     return out
 
 

@@ -1,5 +1,6 @@
 """`cosim sweep`."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Optional
@@ -23,6 +24,7 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: every worker's own threads would fight for the same cores
     from cosim.cli.folder import made
     from cosim.sweep.campaign import carry_out, first_point, task_of
     from cosim.sweep.evaluate import check, origin

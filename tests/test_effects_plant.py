@@ -68,7 +68,7 @@ def scene() -> Scene:
         prediction=tau,
         viscous=VISCOUS,
         coulomb=COULOMB,
-        rigid_torque=lambda *a: tau,
+        rigid_slopes=lambda joint: ({}, {}, {joint: tau[:, joint]}),
         pi=oracle.PI,
         declared=True,
     )

@@ -30,10 +30,10 @@ def floor(model: Model) -> tuple[float | None, ...]:
 def from_sensors(model: Model) -> np.ndarray | None:
     """RMS (nj,) [N.m] that the white noise of torque and encoders leaves in the residual; None where the inertia is not known."""
     scene, m = model.scene, model.setting.motion
-    if scene.rigid_torque is None or not m.differentiated:
+    if scene.rigid_slopes is None or not m.differentiated:
         return None
     torque = np.sqrt(np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)) * noise_left(m.widths.total, m.sample)
-    inertia = np.array([np.sqrt(np.mean(slopes(scene, j)[2][:, j] ** 2)) for j in range(m.joints)])
+    inertia = np.array([np.sqrt(np.mean(slopes(scene, j)[2][j] ** 2)) for j in range(m.joints)])
     return np.hypot(torque, inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2))
 
 

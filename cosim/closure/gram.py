@@ -109,13 +109,10 @@ def squared_error(gram: Gram, beta: np.ndarray) -> np.ndarray:
 
 def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: int, train: int) -> Gram:
     """Normal equations of columns (J, m, p) and y (J, m), rows of weight zero already zeroed; rows must be sorted by block or not."""
-    joints, _, p = columns.shape
     order = np.argsort(block, kind="stable")
     edges = np.searchsorted(block[order], np.arange(blocks + 1))
-    g, h, s = np.zeros((blocks, joints, p, p)), np.zeros((blocks, joints, p)), np.zeros((blocks, joints))
-    for j in range(joints):
-        x, t = columns[j][order], y[j][order]
-        for b in range(blocks):
-            part, target = x[edges[b] : edges[b + 1]], t[edges[b] : edges[b + 1]]
-            g[b, j], h[b, j], s[b, j] = part.T @ part, target @ part, target @ target
-    return Gram(g, h, s, np.zeros((blocks, joints)), train)
+    place = edges[:-1, None] + np.arange(np.diff(edges).max())  # (B, L), blocks filled up with the row of zeros at the end
+    rows = np.append(order, len(block))[np.where(place < edges[1:, None], place, len(block))]
+    x, t = (np.pad(a, ((0, 0), (0, 1), (0, 0)))[:, rows] for a in (columns, y[..., None]))
+    g, h, s = (np.swapaxes(np.swapaxes(u, 2, 3) @ v, 0, 1) for u, v in ((x, x), (x, t), (t, t)))
+    return Gram(np.ascontiguousarray(g), np.ascontiguousarray(h[..., 0]), np.ascontiguousarray(s[..., 0, 0]), np.zeros(s.shape[:2]), train)

@@ -89,6 +89,12 @@ class Model:
         normal = accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks)
         return evolve(normal, shrunk=self.setting.shrunk, group=run[: rows.train_blocks])
 
+    @property
+    def normal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """X^T X (p, p), X^T y (p,) and y^T y of the fitted rows."""
+        t = self.setting.rows.train_blocks
+        return tuple(x[:t].sum(axis=(0, 1)) for x in (self.gram.g, self.gram.h, self.gram.s))
+
     @cached_property
     def fit(self) -> Fit:
         return fit(self.gram)
@@ -125,7 +131,7 @@ class Model:
             pi = s.declared_pi if s.declared_pi is not None else beta[:8]
         scene = Scene(
             motion=m, device=s.device, sign=sign, rigid=rigid, friction=friction, prediction=rigid + friction, viscous=viscous,
-            coulomb=coulomb, rigid_torque=self._rigid(beta, pi), pi=pi, declared=s.declared_pi is not None, gravity=s.gravity, skew=self.skew,
+            coulomb=coulomb, rigid_slopes=None if s.equations is None else self._slopes, pi=pi, declared=s.declared_pi is not None, gravity=s.gravity, skew=self.skew,
             units=s.units,
         )  # fmt: skip
         extra = np.zeros_like(rigid)
@@ -135,17 +141,11 @@ class Model:
                     extra[:, j] += values @ beta[self.coefficients(number)]
         return evolve(scene, prediction=rigid + friction + extra)
 
-    def _rigid(self, beta: np.ndarray, pi: np.ndarray | None):
+    def _slopes(self, joint: int) -> tuple[dict[int, np.ndarray], ...]:
+        """Derivatives of the rigid torque by q_j, dq_j, ddq_j with the parameters as fitted, each joint -> (n,)."""
         s = self.setting
-        if pi is not None:
-            from cosim.arm.dynamics import inverse_dynamics
-
-            return lambda q, dq, ddq: inverse_dynamics(pi, q, dq, ddq)
-        if s.device == "axis":
-            value = dict(zip(s.names, beta, strict=False))
-            a, b = value.get("gravity_sin", 0.0), value.get("gravity_cos", 0.0)
-            return lambda q, dq, ddq: value["inertia"] * ddq + a * np.sin(q) + b * np.cos(q)
-        return None
+        params = self.fit.beta[: len(s.names)] if s.declared_pi is None else s.declared_pi
+        return tuple({j: change @ params[used] for j, (used, change) in by.items()} for by in s.slopes(joint))
 
     def unseen(self, joint: int) -> np.ndarray:
         """Squared error (T,) of a joint's fitted blocks, each left out in turn [N^2 m^2]."""
@@ -293,15 +293,16 @@ def _law_error(model: Model, joint: int, law: Law) -> float:
 
 
 def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> float:
-    """In-sample error of the fitted rows with one column of one joint replaced."""
+    """In-sample error of the fitted rows with one column that belongs to one joint replaced."""
     train = ~model.setting.rows.test
-    x = model.design[:, train].copy()
-    x[joint, :, place] = column[train] * model.scale[joint, train, 0]
-    flat, y = x.reshape(-1, x.shape[2]), model.y[:, train].ravel()
-    g, h = flat.T @ flat, flat.T @ y
+    g, h, left = (np.array(x) for x in model.normal)
+    own = column[train] * model.scale[joint, train, 0]
+    g[place] = own @ model.design[joint, train]
+    g[place, place] = own @ own
+    g[:, place], h[place] = g[place], own @ model.y[joint, train]
     scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
     beta = np.linalg.solve(g * scale[:, None] * scale + np.diag(model.fit.penalty), h * scale) * scale
-    return float(y @ y - 2 * h @ beta + beta @ g @ beta)
+    return float(left - 2 * h @ beta + beta @ g @ beta)
 
 
 def _best_skew(model: Model) -> Model:

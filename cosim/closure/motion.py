@@ -71,9 +71,13 @@ class Motion:
 
     def advanced(self, x: np.ndarray, seconds: float, order: int = 1) -> np.ndarray:
         """x(t + seconds) (n, k) within each run, a spline of `order` between samples; the ends are held."""
-        from scipy.ndimage import shift
+        from scipy.interpolate import make_interp_spline
 
-        return self.per_run(lambda part: shift(part, (-seconds / self.step, 0), order=order, mode="nearest"), x)
+        def moved(part: np.ndarray) -> np.ndarray:
+            place = np.arange(len(part))
+            return make_interp_spline(place, part, min(order, len(part) - 1))(np.clip(place + seconds / self.step, 0, place[-1]))
+
+        return self.per_run(moved, x)
 
 
 def prepare(recording: Recording, widths: Widths | None = None) -> Motion:

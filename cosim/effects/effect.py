@@ -14,8 +14,8 @@ class Scene:
     """What an effect may look at: the motion and the model as it stands, n rows at the full rate, nj joints.
 
     sign (n, nj) smooth sign of dq by the friction law in use; rigid, prediction (n, nj) torque of the rigid body and of the whole
-    model [N.m]; friction (n, nj); viscous, coulomb (nj,); rigid_torque(q, dq, ddq) -> (n, nj), None where the device has no equations
-    of motion; pi (8,) of the PHANToM or None; declared: whether pi is trusted rather than fitted; tip torque of a force by `arm`.
+    model [N.m]; friction (n, nj); viscous, coulomb (nj,); rigid_slopes(j): derivatives of the rigid torque by q_j, dq_j, ddq_j, each joint -> (n,) of the
+    joints that feel it, None where the device has no equations of motion; pi (8,) of the PHANToM or None; declared: whether pi is trusted rather than fitted; tip torque of a force by `arm`.
     motion: cosim.closure.motion.Motion.
     """
 
@@ -27,7 +27,7 @@ class Scene:
     prediction: np.ndarray
     viscous: np.ndarray
     coulomb: np.ndarray
-    rigid_torque: object = None
+    rigid_slopes: object = None
     pi: np.ndarray | None = None
     declared: bool = False
     gravity: float = 9.81  # negative for an arm that hangs upside down

@@ -63,7 +63,7 @@ class EncoderOffset(Effect):
     )
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
-        if scene.rigid_torque is None:
+        if scene.rigid_slopes is None:
             return "the device has no equations of motion"
         if scene.device == "phantom" and joints == (0,):
             return "nothing in the model depends on q1"

@@ -21,46 +21,31 @@ STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoo
 STARTS = 10  # runs whose start has columns of its own
 EDGE, SLIDING = 3.5, 0.9  # filter widths of a run's edge; mean sign of the speed there, above which the joint moves
 SMALL, CALM = 0.2, 0.5  # step of the simulated link times w, and times the rate at which damping alone calms it
-STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
 
 
-def slopes(scene: Scene, joint: int) -> tuple[np.ndarray, ...]:
-    """d tau / d q_j, d tau / d dq_j, d tau / d ddq_j of the rigid torque along the motion, each (n, nj), formed once for a scene."""
+def slopes(scene: Scene, joint: int) -> tuple[dict[int, np.ndarray], ...]:
+    """Derivatives of the rigid torque by q_j, dq_j and ddq_j along the motion, each joint -> (n,), formed once for a scene."""
     known = _SLOPES.setdefault(scene, {})
     if joint not in known:
-        m = scene.motion
-        unit = np.zeros(scene.joints)
-        unit[joint] = STEP
-        states, out = (m.q, m.dq, m.ddq), []
-        for k in range(3):
-            ahead = scene.rigid_torque(*(x + unit if i == k else x for i, x in enumerate(states)))
-            behind = scene.rigid_torque(*(x - unit if i == k else x for i, x in enumerate(states)))
-            out.append((ahead - behind) / (2 * STEP))
-        known[joint] = tuple(out)
+        known[joint] = scene.rigid_slopes(joint)
     return known[joint]
 
 
 def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarray]:
     """Columns of a small displacement shift (n,) of one joint behind its encoder, on every joint that feels it."""
-    by_q, by_dq, by_ddq = slopes(scene, joint)
-    rate = scene.motion.rate(shift[:, None])
-    change = by_q * shift[:, None] + by_dq * rate + by_ddq * scene.motion.rate(rate)
-    return {j: change[:, [j]] for j in felt(scene, joint)}
-
-
-def felt(scene: Scene, joint: int) -> tuple[int, ...]:
-    """Joints (0-based) whose torque depends on the motion of a joint."""
-    known = _SLOPES.setdefault(scene, {})
-    if ("felt", joint) not in known:
-        known["felt", joint] = tuple(j for j in range(scene.joints) if any(np.abs(by[:, j]).max() > 0 for by in slopes(scene, joint)))
-    return known["felt", joint]
+    rate = scene.motion.rate(shift)
+    moved, out = (shift, rate, scene.motion.rate(rate)), {}
+    for by, change in zip(slopes(scene, joint), moved, strict=True):
+        for j, slope in by.items():
+            out[j] = out[j] + slope * change if j in out else slope * change
+    return {j: values[:, None] for j, values in sorted(out.items())}
 
 
 def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
     """The joint's own inertia (n,) along the motion, at least a tenth of its median, and that median [kg.m^2]."""
     known = _SLOPES.setdefault(scene, {})
     if ("inertia", joint) not in known:
-        own = slopes(scene, joint)[2][:, joint]
+        own = slopes(scene, joint)[2][joint]
         usual = max(float(np.median(own)), 1e-12)
         known["inertia", joint] = np.maximum(own, 0.1 * usual), usual
     return known["inertia", joint]
@@ -87,7 +72,7 @@ class JointElasticity(Effect):
     needs = "fast excitation, or gravity that changes with the angle"
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
-        return "" if scene.rigid_torque is not None else "the device has no equations of motion to bend"
+        return "" if scene.rigid_slopes is not None else "the device has no equations of motion to bend"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         return tuple((float(w), z, USUAL_SHARE) for w in _resonances(scene, 1.3) for z in (0.06, 0.2))
@@ -143,7 +128,7 @@ class Backlash(JointElasticity):
     needs = "a transmitted torque that changes sign"
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
-        if scene.rigid_torque is None:
+        if scene.rigid_slopes is None:
             return "the device has no equations of motion to displace"
         link = scene.rigid[:, joints[0]]
         share = min((link > 0).mean(), (link < 0).mean())
@@ -204,7 +189,8 @@ def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: floa
     by_q, by_dq, _ = slopes(scene, joint)
     own, motor = (1 - share) * usual, share * usual
     torque = scene.rigid[:, joint] - motor * motion.ddq[:, joint]
-    link = [np.ascontiguousarray(x) for x in (np.maximum(mass - motor, 0.1 * own), by_dq[:, joint], by_q[:, joint])]
+    none = np.zeros_like(torque)
+    link = [np.maximum(mass - motor, 0.1 * own), by_dq.get(joint, none), by_q.get(joint, none)]
     spring = own * w**2, 2 * z * w * own, gap
     starts = _starts(scene, joint)
     parts = [_swung(scene, joint, link, torque, spring, [(x.row, *x.state(spring, motor, torque[x.row])) for x in starts])]

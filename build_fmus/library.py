@@ -25,3 +25,17 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
             compile_library(compiler, chosen, root, f"{name}/{name}.c", fresh, folder, ("-Ishared", *flags))
             store(library, fresh.read_bytes())
     return library
+
+
+def vectors() -> tuple[int, tuple[str, ...]]:
+    """How many lanes (REAL_LANES of fmu_src/shared/real.h) this machine runs best, and the compiler's flags for them; the bits of a lane
+    do not depend on them.
+    """
+    from numpy._core._multiarray_umath import __cpu_features__ as has
+
+    lanes, level = 4, ()
+    if this_platform().startswith("x86_64") and has.get("AVX512F") and has.get("AVX512_SKX"):
+        lanes, level = 8, ("-march=x86_64_v4",)
+    elif this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
+        level = ("-march=x86_64_v3",)
+    return lanes, (f"-DREAL_LANES={lanes}", *level)

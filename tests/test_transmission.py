@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from build_fmus.library import library_path
+from build_fmus.library import library_path, vectors
 from cosim.closure.candidates import Normal
 from cosim.closure.closure import Options, close_loop
 from cosim.effects.transmission import behind
@@ -21,26 +21,34 @@ from cosim.measured import Description, Recording, Run
 from cosim.scenario import load_scenario, with_parameters
 
 
+def simulated(h, along, lanes):
+    """twist, transmitted (n, lanes) of links with lanes as link_lane of fmu_src/link/link.c."""
+    n, lanes = len(along[0]), np.array(lanes, float)
+    twist, transmitted = np.empty((2, n, len(lanes)))
+    address = [x.ctypes.data_as(ctypes.c_void_p) for x in (*map(np.ascontiguousarray, along), lanes, twist, transmitted)]
+    ctypes.CDLL(str(library_path("link", vectors()[1]))).links_behind(n, ctypes.c_double(h), len(lanes), *address)
+    return twist, transmitted
+
+
 @pytest.mark.parametrize("gap", [0.0, 0.02])
 def test_the_link_follows_its_differential_equation(gap):
     h, n, stiffness, damping = 1e-3, 3000, 6.0, 0.012
     time = np.arange(n) * h
     mass, drag = 2e-3 * (1 + 0.3 * np.sin(2 * time)), 1e-3 * np.cos(3 * time)
     spring, torque = 0.1 * np.sin(time), 0.05 * np.sin(7 * time) + 0.01
-    along = [np.ascontiguousarray(x) for x in (mass, drag, spring, torque)]
-    twist, transmitted = np.empty((2, n))
+    motor, acceleration = 5e-4, 0.3 * np.cos(5 * time)
     start = torque[0] / stiffness + gap / 2
-    ctypes.CDLL(str(library_path("link"))).link_behind(
-        n, ctypes.c_double(h), 20, *(x.ctypes.data_as(ctypes.c_void_p) for x in along),
-        *map(ctypes.c_double, (stiffness, damping, gap, start, 0.0)), *(x.ctypes.data_as(ctypes.c_void_p) for x in (twist, transmitted)),
-    )  # fmt: skip
+    lane = (motor, 1e-6, 1.0, stiffness, damping, gap, start, 0.0, 20)
+    other = (0.0, 1e-6, 0.0, 2 * stiffness, damping, 0.0, 0.01, 0.0, 5)
+    twists, contacts = simulated(h, (mass + motor, drag, spring, torque + motor * acceleration, acceleration), [other, lane, other])
+    twist, transmitted = twists[:, 1], contacts[:, 1]
 
     def contact(t, rate):
         beyond = t - np.clip(t, -gap / 2, gap / 2)
         return stiffness * beyond + damping * rate * (beyond != 0 or gap == 0)
 
     def rates(now, x):
-        m, d, k, u = (np.interp(now, time, y) for y in along)
+        m, d, k, u = (np.interp(now, time, y) for y in (mass, drag, spring, torque))
         return x[1], (u - d * x[1] - k * x[0] - contact(*x)) / m
 
     found = solve_ivp(rates, (0, time[-1]), (start, 0.0), t_eval=time, rtol=1e-9, atol=1e-12, max_step=h)
@@ -93,14 +101,14 @@ def test_an_elastic_joint_is_named_from_runs_that_start_in_motion():
 
 def test_a_heavily_damped_link_stays_stable():
     model = closed("joint_elasticity").before
-    column = behind(model.scene, 0, w=100.0, z=6.0, share=0.9)[0]
+    column = behind(model.scene, 0, ((100.0, 6.0, 0.9),))[0][0]
     # c t' + k t = torque: heavily damped, it follows with a time constant 2 z / w; what the column holds is that filter's error
     assert 0 < np.std(column[:, 0]) < 2 * np.std(model.scene.rigid[:, 0])
 
 
 def test_a_link_that_gravity_pulls_off_its_spring_is_no_column():
     model = closed("actuator_lag").before
-    columns = behind(model.scene, 2, w=0.5, z=0.01, share=0.9)
+    columns = behind(model.scene, 2, ((0.5, 0.01, 0.9),))[0]
     assert all(np.isfinite(x).all() for x in columns.values())
-    runaway = {1: np.full((model.setting.y.shape[1], 1), np.nan)}
+    runaway = {1: np.full(((~model.setting.rows.test).sum(), 1), np.nan)}
     assert Normal(model).gain(runaway) is None

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.model import Choice, Model, delivered_target, filtered
+from cosim.closure.model import Choice, Model, delivered_target
 from cosim.effects import Effect, Estimate
 
 CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
@@ -104,7 +104,7 @@ def shifted(choice: Choice, free: tuple[int, ...], steps: np.ndarray) -> tuple[f
 
 
 def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
-    """(theta, filtered columns) of the whole grid; static ones are kept for the next step."""
+    """(theta, filtered columns on the fitted rows) of the whole grid; static ones are kept for the next step."""
     key = ("grid", effect.key, joints, tuple(model.laws))
     if key in model._cache:
         return model._cache[key]
@@ -120,12 +120,12 @@ def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
 
 
 def _chunk(model: Model, effect: Effect, joints: tuple[int, ...], thetas):
-    full = [effect.columns(model.scene, joints, theta) for theta in thetas]
+    full = effect.columns_of_all(model.scene, joints, thetas)
     touched = {j for columns in full for j in columns}
     result: list[dict] = [{} for _ in thetas]
     for j in touched:
         parts = [columns[j] for columns in full]
-        stacked = filtered(model.setting, effect, {j: np.concatenate(parts, axis=1)})[j]
+        stacked = model.setting.rows.fitted(np.concatenate(parts, axis=1), effect.sharp)
         edges = np.cumsum([0] + [part.shape[1] for part in parts])
         for k in range(len(thetas)):
             result[k][j] = stacked[:, edges[k] : edges[k + 1]]
@@ -151,14 +151,15 @@ class Normal:
         return max(sum(float(self.residual[j] @ self.residual[j]) for j in joints), 1e-300)
 
     def gain_of(self, choice: Choice, columns: dict[int, np.ndarray] | None = None) -> tuple[float, np.ndarray] | None:
-        """Decrease of the squared error by a choice and its coefficients: by the torque that it delivers, or by its filtered columns,
-        which are formed here unless given.
+        """Decrease of the squared error by a choice and its coefficients: by the torque that it delivers, or by its filtered columns
+        on the fitted rows, which are formed here unless given.
         """
         if choice.effect.late:
             return self.gain_of_late(choice)
         effect = choice.effect
         if columns is None:
-            columns = filtered(self.model.setting, effect, effect.columns(self.model.scene, choice.joints, choice.theta))
+            full = effect.columns(self.model.scene, choice.joints, choice.theta)
+            columns = {j: self.model.setting.rows.fitted(values, effect.sharp) for j, values in full.items()}
         return self.gain(columns)
 
     def gain_of_late(self, choice: Choice) -> tuple[float, np.ndarray]:
@@ -175,12 +176,12 @@ class Normal:
         return float(before - (left - cross @ self.inverse @ cross)), np.zeros(1)
 
     def gain(self, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:
-        """Decrease of the squared error by the columns and their coefficients; None where they lie within the model."""
+        """Decrease of the squared error by the columns (on the fitted rows) and their coefficients; None where they lie within the model."""
         if not columns:
             return None
         cross, own, toward = 0.0, 0.0, 0.0
         for j, values in columns.items():
-            c = values[self.train] * self.model.scale[j, self.train]
+            c = values * self.model.scale[j, self.train]
             cross, own, toward = cross + self.x[j].T @ c, own + c.T @ c, toward + c.T @ self.residual[j]
         free = own - cross.T @ self.inverse @ cross
         size = np.sqrt(np.maximum(np.diag(own), 1e-300))

@@ -44,7 +44,7 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
         basis = model.setting.rows.filtered(kind.columns(model.scene, (0,), ())[0], kind.sharp)
         for joint in range(model.setting.joints):
             model._cache[(kind.key, (joint,), (), tuple(model.laws))] = {joint: basis}
-            model._cache[("grid", kind.key, (joint,), tuple(model.laws))] = [((), {joint: basis})]
+            model._cache[("grid", kind.key, (joint,), tuple(model.laws))] = [((), {joint: basis[~model.setting.rows.test]})]
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is None:
                 continue

@@ -1,6 +1,7 @@
 """A recording made ready: smoothed signals with derivatives at the full rate, and the thinned rows that residuals are formed on."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from attrs import frozen
@@ -156,6 +157,15 @@ class Rows:
     def filtered(self, x: np.ndarray, sharp: bool) -> np.ndarray:
         """F x, or K F x of a sharp column, on the thinned rows: (n, k) -> (m, k)."""
         return (self.thin_sharp if sharp else self.thin) @ np.ascontiguousarray(x)
+
+
+    def fitted(self, x: np.ndarray, sharp: bool) -> np.ndarray:
+        """As `filtered`, on the fitted rows alone."""
+        return self._fitted[sharp] @ np.ascontiguousarray(x)
+
+    @cached_property
+    def _fitted(self) -> tuple:
+        return self.thin[~self.test], self.thin_sharp[~self.test]
 
 
 def thinned(motion: Motion) -> Rows:

@@ -1,7 +1,7 @@
 """What an effect is: a name, its physics, the columns it adds to the regression, when it is physical, what it is mistaken for."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from attrs import field, frozen
@@ -112,6 +112,10 @@ class Effect(ABC):
     @abstractmethod
     def columns(self, scene: Scene, joints: tuple[int, ...], theta: Theta) -> Mapping[int, np.ndarray]:
         """Required torque per unit of each coefficient: joint -> (n, k)."""
+
+    def columns_of_all(self, scene: Scene, joints: tuple[int, ...], thetas: Sequence[Theta]) -> list[Mapping[int, np.ndarray]]:
+        """Columns for each of several thetas; for effects that can form them together sooner than one by one."""
+        return [self.columns(scene, joints, theta) for theta in thetas]
 
     @abstractmethod
     def labels(self, joints: tuple[int, ...], theta: Theta) -> tuple[str, ...]:

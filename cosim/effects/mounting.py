@@ -70,7 +70,7 @@ class EncoderOffset(Effect):
         return ""
 
     def columns(self, scene, joints, theta):
-        return displaced(scene, joints[0], -np.ones(len(scene.motion.time)))
+        return displaced(scene, joints[0], -np.ones((len(scene.motion.time), 1)))
 
     def labels(self, joints, theta):
         return (f"encoder_offset[{joints[0] + 1}]",)

@@ -4,6 +4,7 @@ Friction stands at the motor. What the link does behind its encoder is simulated
 (fmu_src/link/link.c); the torque that it takes from the motor replaces that of the rigid link, on other joints to first order.
 """
 
+from collections.abc import Sequence
 from ctypes import CDLL, c_double, c_void_p
 from functools import lru_cache
 from weakref import WeakKeyDictionary
@@ -32,13 +33,14 @@ def slopes(scene: Scene, joint: int) -> tuple[dict[int, np.ndarray], ...]:
 
 
 def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarray]:
-    """Columns of a small displacement shift (n,) of one joint behind its encoder, on every joint that feels it."""
+    """Columns of small displacements shift (n, k) of one joint behind its encoder, on every joint that feels it."""
     rate = scene.motion.rate(shift)
     moved, out = (shift, rate, scene.motion.rate(rate)), {}
     for by, change in zip(slopes(scene, joint), moved, strict=True):
         for j, slope in by.items():
-            out[j] = out[j] + slope * change if j in out else slope * change
-    return {j: values[:, None] for j, values in sorted(out.items())}
+            part = slope[:, None] * change
+            out[j] = out[j] + part if j in out else part
+    return dict(sorted(out.items()))
 
 
 def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
@@ -85,8 +87,10 @@ class JointElasticity(Effect):
         return (w, float(np.clip(z, 0.005, 2.0)), float(np.clip(share, 0.02, 0.95)), *gap)
 
     def columns(self, scene, joints, theta):
-        w, z, share, *gap = theta
-        return behind(scene, joints[0], w, z, share, *gap)
+        return behind(scene, joints[0], (theta,))[0]
+
+    def columns_of_all(self, scene, joints, thetas):
+        return behind(scene, joints[0], thetas)
 
     def labels(self, joints, theta):
         return ("share of the link's torque",)  # the columns after it are starts of runs
@@ -178,46 +182,85 @@ def _starts(scene: Scene, joint: int) -> tuple[_Start, ...]:
     return known["starts", joint]
 
 
-def behind(scene: Scene, joint: int, w: float, z: float, share: float, gap: float = 0.0) -> dict[int, np.ndarray]:
-    """Columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less torque without.
+@frozen
+class _Link:
+    """One link to simulate, as link_lane of fmu_src/link/link.c: with the joint's torque (driven) or swinging by itself."""
+
+    theta: Theta
+    usual: float
+    driven: bool = True
+    size: tuple[float, float] = (0.0, 0.0)  # twist [rad] and rate [rad/s] at the start of one that is not driven
+
+    @property
+    def motor(self) -> float:
+        return self.theta[2] * self.usual
+
+    @property
+    def spring(self) -> tuple[float, float, float]:
+        """Stiffness [N.m/rad], damping [N.m.s/rad], gap [rad]."""
+        w, z, share, *gap = self.theta
+        own = (1 - share) * self.usual
+        return own * w**2, 2 * z * w * own, gap[0] if gap else 0.0
+
+    def lane(self, start: _Start, resting: float, lightest: float, drag: float, step: float) -> tuple[float, ...]:
+        """Numbers of link_lane for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per sample."""
+        (stiffness, damping, gap), least = self.spring, 0.1 * (1 - self.theta[2]) * self.usual
+        lightest = max(lightest - self.motor, least)
+        substeps = np.ceil(step * max(np.sqrt(stiffness / lightest) / SMALL, (damping + drag) / lightest / CALM))
+        state = start.state(self.spring, self.motor, resting) if self.driven else self.size
+        return self.motor, least, float(self.driven), stiffness, damping, gap, *state, substeps
+
+
+def behind(scene: Scene, joint: int, thetas: Sequence[Theta]) -> list[dict[int, np.ndarray]]:
+    """For each theta, columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less
+    torque without.
 
     A run that starts at rest starts against the side that the torque pushes to; one that starts in motion with the twist that its torque
     shows. Without a gap everything is linear, and two more columns for each run (the first `STARTS`) are what the link adds that
     swings at its start, by its angle and by its speed.
     """
-    motion, (mass, usual) = scene.motion, inertia(scene, joint)
-    by_q, by_dq, _ = slopes(scene, joint)
-    own, motor = (1 - share) * usual, share * usual
-    torque = scene.rigid[:, joint] - motor * motion.ddq[:, joint]
-    none = np.zeros_like(torque)
-    link = [np.maximum(mass - motor, 0.1 * own), by_dq.get(joint, none), by_q.get(joint, none)]
-    spring = own * w**2, 2 * z * w * own, gap
-    starts = _starts(scene, joint)
-    parts = [_swung(scene, joint, link, torque, spring, [(x.row, *x.state(spring, motor, torque[x.row])) for x in starts])]
-    if gap == 0:
-        size = float(np.std(torque)) / spring[0]
-        for state in ((size, 0.0), (0.0, w * size)):
-            swing = _swung(scene, joint, link, 0 * torque, spring, [(x.row, *state) for x in starts])
-            parts += [{j: values * (motion.run == k)[:, None] for j, values in swing.items()} for k in range(min(len(starts), STARTS))]
-    return {j: np.concatenate([part[j] for part in parts], axis=1) for j in parts[0]}
+    motion, (_, usual) = scene.motion, inertia(scene, joint)
+    links, first = [], []
+    for theta in thetas:
+        w, _, share, *gap = theta
+        first.append(len(links))
+        links.append(_Link(theta, usual))
+        if not gap:
+            size = float(np.std(scene.rigid[:, joint] - share * usual * motion.ddq[:, joint])) / links[-1].spring[0]
+            links += [_Link(theta, usual, False, state) for state in ((size, 0.0), (0.0, w * size))]
+    swung, each = _swung(scene, joint, links), [motion.run == k for k in range(min(len(motion.bounds), STARTS))]
+    out = []
+    for start, stop in zip(first, (*first[1:], len(links)), strict=True):
+        swings = [(swing, run[:, None]) for swing in range(start + 1, stop) for run in each]
+        out.append({j: np.concatenate([x[:, [start]], *(x[:, [swing]] * run for swing, run in swings)], axis=1) for j, x in swung.items()})
+    return out
 
 
-def _swung(scene: Scene, joint: int, link: list[np.ndarray], torque: np.ndarray, spring: tuple, starts: list) -> dict[int, np.ndarray]:
-    """Columns of one swing of the link from the starts (row, twist, rate) of each run; zero before them and where it runs away."""
-    motion, along = scene.motion, [*link, np.ascontiguousarray(torque)]
-    twist, transmitted = np.zeros(len(torque)), torque.copy()
-    lightest, drag = link[0].min(), spring[1] + np.abs(link[1]).max()
-    substeps = int(np.ceil(motion.step * max(np.sqrt(spring[0] / lightest) / SMALL, drag / lightest / CALM)))
-    for (_, end), (row, *start) in zip(motion.bounds, starts, strict=True):
-        _library().link_behind(end - row, c_double(motion.step), substeps, *(x[row:].ctypes.data_as(c_void_p) for x in along),
-                               *map(c_double, (*spring, *start)), *(x[row:].ctypes.data_as(c_void_p) for x in (twist, transmitted)))  # fmt: skip
-    if not np.abs(twist).max() < np.pi:  # a spring that gravity overcomes
-        twist[:], transmitted[:] = 0.0, torque
-    return displaced(scene, joint, -twist) | {joint: (transmitted - torque)[:, None]}
+def _swung(scene: Scene, joint: int, links: list[_Link]) -> dict[int, np.ndarray]:
+    """Columns (n, links) of simulated links; zero before the start of each run and for a link that runs away."""
+    motion, (mass, _), (by_q, by_dq, _) = scene.motion, inertia(scene, joint), slopes(scene, joint)
+    none = np.zeros(len(mass))
+    along = [np.ascontiguousarray(x) for x in (mass, by_dq.get(joint, none), by_q.get(joint, none), scene.rigid[:, joint], motion.ddq[:, joint])]
+    _, _, _, rigid, acceleration = along
+    alone = (rigid[:, None] - acceleration[:, None] * [x.motor for x in links]) * [float(x.driven) for x in links]
+    twist, transmitted = np.zeros_like(alone), alone.copy()
+    extremes = float(mass.min()), float(np.abs(along[1]).max()), motion.step
+    for (_, end), start in zip(motion.bounds, _starts(scene, joint), strict=True):
+        row = start.row
+        lanes = np.array([x.lane(start, alone[row, k], *extremes) for k, x in enumerate(links)])
+        _library().links_behind(end - row, c_double(motion.step), len(links), *(_address(x[row:]) for x in along), _address(lanes),
+                                _address(twist[row:]), _address(transmitted[row:]))  # fmt: skip
+    lost = ~(np.abs(twist).max(axis=0) < np.pi)  # a spring that gravity overcomes
+    twist[:, lost], transmitted[:, lost] = 0.0, alone[:, lost]
+    return displaced(scene, joint, -twist) | {joint: transmitted - alone}
+
+
+def _address(x: np.ndarray) -> c_void_p:
+    return x.ctypes.data_as(c_void_p)
 
 
 @lru_cache
 def _library() -> CDLL:
-    from build_fmus.library import library_path
+    from build_fmus.library import library_path, vectors
 
-    return CDLL(str(library_path("link")))
+    return CDLL(str(library_path("link", vectors()[1])))

@@ -72,25 +72,11 @@ class _Job(ctypes.Structure):
     ]  # fmt: skip
 
 
-def _vectors() -> tuple[int, tuple[str, ...]]:
-    """How many lanes this machine runs best, and its processor level for the compiler (bits do not depend on them)."""
-    from build_fmus.compiler import this_platform
-    from numpy._core._multiarray_umath import __cpu_features__ as has
-
-    if this_platform().startswith("x86_64") and has.get("AVX512F") and has.get("AVX512_SKX"):
-        return 8, ("-march=x86_64_v4",)
-    if this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
-        return 4, ("-march=x86_64_v3",)
-    return 4, ()
-
-
 @cache
 def _library():
-    from build_fmus.library import library_path
+    from build_fmus.library import library_path, vectors
 
-    width, level = _vectors()
-    flags = ("-O3", "-fno-math-errno", f"-DREAL_LANES={width}", *level)
-    return prepared(ctypes.CDLL(str(library_path("kernel", flags))))
+    return prepared(ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *vectors()[1])))))
 
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
@@ -114,7 +100,9 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     if wiring.scenario.experiment.bound < _LEAST_BOUND:
         return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
     kept = sum(name in record or stem(name) in record for name in wiring.signals)
-    if (size := 8 * _vectors()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
+    from build_fmus.library import vectors
+
+    if (size := 8 * vectors()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
         return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
     parts = _Part.all(wiring)
     places = _Places.of(wiring, parts)

@@ -1,37 +1,70 @@
-/* The link behind an elastic joint with a gap, driven by the recorded motion of its motor (cosim/effects/transmission.py).
+/* Links behind elastic joints with gaps, driven by the recorded motion of their motor (cosim/effects/transmission.py).
  *
- *   mass t'' + drag t' + spring t = torque - contact,   contact = stiffness dead(t) + damping t' while the gap is closed,
- *   dead(t) = t - clamp(t, -gap/2, gap/2)
+ *   m t'' + drag t' + spring t = u - contact,   contact = stiffness dead(t) + damping t' while the gap is closed,
+ *   m = max(mass - motor, lightest),   u = driven (torque - motor acceleration),   dead(t) = t - clamp(t, -gap/2, gap/2)
  *
- * t = q_motor - q_link (rad); mass, drag, spring, torque (n): of the link along the motion, linearised about the motor's angle. Euler's
- * semi-implicit rule with `substeps` steps per sample of h seconds, from t = start and t' = start_rate.
- * twist (n): t; transmitted (n): contact (N m).
+ * t = q_motor - q_link (rad); mass, drag, spring, torque, acceleration (n): of the whole joint along the motion, linearised about the
+ * motor's angle. Euler's semi-implicit rule, from t = start and t' = start_rate. Each link has parameters of its own; LANES of them go
+ * side by side, with the steps per sample of h seconds of the one that needs most.
+ * twist (n, links): t; transmitted (n, links): contact (N m).
  */
-#include <math.h>
+#include "real.h"
+
+#ifdef REAL_LANES
+#define LANES REAL_LANES
+#define LANE(r, i) ((r)[i])
+#else
+#define LANES 1
+#define LANE(r, i) (r)
+#endif
 
 #if defined(_WIN32)
-__declspec(dllexport)
+#define EXPORTED __declspec(dllexport)
 #else
-__attribute__((visibility("default")))
+#define EXPORTED __attribute__((visibility("default")))
 #endif
-void link_behind(int n, double h, int substeps, const double *mass, const double *drag, const double *spring,
-                 const double *torque, double stiffness, double damping, double gap, double start,
-                 double start_rate, double *twist, double *transmitted) {
-    const double half = 0.5 * gap, dt = h / substeps;
-    double t = start, rate = start_rate;
-    for (int k = 0; k < n; k++) {
-        const int next = k + 1 < n ? k + 1 : k;
-        double contact = 0;
-        for (int s = 0; s < substeps; s++) {
-            const double beyond = t > half ? t - half : t < -half ? t + half : 0;
-            contact = half == 0 || beyond != 0 ? stiffness * beyond + damping * rate : 0;
-            if (s == 0) {
-                twist[k] = t;
-                transmitted[k] = contact;
+
+enum { MOTOR, LIGHTEST, DRIVEN, STIFFNESS, DAMPING, GAP, START, START_RATE, SUBSTEPS, NUMBERS };
+
+typedef struct {
+    int n;
+    double h;
+    const double *mass, *drag, *spring, *torque, *acceleration;
+} Motion;
+
+/* LANES links from the first on (those beyond the last are the last once more). */
+static void side_by_side(const Motion *m, int links, int first, const double (*link)[NUMBERS], double *twist, double *transmitted) {
+    real p[NUMBERS];
+    int steps = 1;
+    for (int i = 0; i < LANES; i++) {
+        const double *own = link[first + i < links ? first + i : links - 1];
+        for (int k = 0; k < NUMBERS; k++) LANE(p[k], i) = own[k];
+        if (own[SUBSTEPS] > steps) steps = (int)own[SUBSTEPS];
+    }
+    const double dt = m->h / steps;
+    const real half = 0.5 * p[GAP], none = real_of(0.0), everywhere = choose(half == 0.0, p[DAMPING], none);
+    real t = p[START], rate = p[START_RATE], now = p[DRIVEN] * (m->torque[0] - p[MOTOR] * m->acceleration[0]);
+    for (int k = 0; k < m->n; k++) {
+        const int after = k + 1 < m->n ? k + 1 : k;
+        const real next = p[DRIVEN] * (m->torque[after] - p[MOTOR] * m->acceleration[after]), change = (next - now) / steps;
+        const real gain = dt / real_max(m->mass[k] - p[MOTOR], p[LIGHTEST]);
+        for (int s = 0; s < steps; s++) {
+            const real beyond = t - real_clamp(t, -half, half);
+            const real contact = p[STIFFNESS] * beyond + choose(beyond != 0.0, p[DAMPING], everywhere) * rate;
+            for (int i = 0; s == 0 && i < LANES && first + i < links; i++) {
+                twist[(int64_t)k * links + first + i] = LANE(t, i);
+                transmitted[(int64_t)k * links + first + i] = LANE(contact, i);
             }
-            const double now = torque[k] + (torque[next] - torque[k]) * s / substeps;
-            rate += dt * (now - drag[k] * rate - spring[k] * t - contact) / mass[k];
+            rate += gain * (now + change * (double)s - m->drag[k] * rate - m->spring[k] * t - contact);
             t += dt * rate;
         }
+        now = next;
     }
+}
+
+EXPORTED void links_behind(int n, double h, int links, const double *mass, const double *drag, const double *spring,
+                           const double *torque, const double *acceleration, const double (*link)[NUMBERS], double *twist,
+                           double *transmitted) {
+    const Motion motion = {n, h, mass, drag, spring, torque, acceleration};
+    for (int first = 0; first < links; first += LANES) side_by_side(&motion, links, first, link, twist, transmitted);
 }

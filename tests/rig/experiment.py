@@ -87,7 +87,11 @@ def _batch(plants, experiments, duration, substeps):
         if b.limit_share[:, s].any():
             need = np.abs(required(plants[s], ref[:, :, s].T, rate[:, :, s].T))
             b.limit[:, s] = [np.quantile(x, 1 - share) if share else 1e9 for x, share in zip(need, b.limit_share[:, s], strict=True)]
-    random = np.random.default_rng(sum(e.seed for e in experiments) + 17)
+    randoms = [np.random.default_rng(17 + e.seed) for e in experiments]  # a run is the same in whatever batch
+    noise = np.stack([e.noise * random.standard_normal((n, 3)) for e, random in zip(experiments, randoms, strict=True)], axis=-1)
+    push = np.zeros_like(ref)
+    for s in np.flatnonzero(b.wander.any(axis=0)):
+        push[:, :, s] = randoms[s].standard_normal((n, 3)) * np.sqrt(2e-3 * 2 * np.pi * 0.05)
     resolution = np.stack([e.resolution for e in experiments], axis=-1)
     bandwidth = np.array([e.bandwidth for e in experiments])
     weight = np.array([float(e.gravity) for e in experiments])
@@ -108,12 +112,11 @@ def _batch(plants, experiments, duration, substeps):
         command = kp * (ref[k] - seen) + kd * (rate[k] - rate_seen) + feed
         q_out[k], tau_out[k] = seen, command
         if b.active["wander"]:
-            walk = walk * (1 - 1e-3 * 2 * np.pi * 0.05) + random.standard_normal(walk.shape) * np.sqrt(2e-3 * 2 * np.pi * 0.05)
+            walk = walk * (1 - 1e-3 * 2 * np.pi * 0.05) + push[k]
         with np.errstate(all="ignore"):
             for _ in range(substeps):
                 arms.step(command, b.wander * walk)
-    noise = np.array([e.noise for e in experiments])
-    tau_out += noise * random.standard_normal(tau_out.shape)
+    tau_out += noise
     good = np.isfinite(q_out).all(axis=(0, 1)) & (np.abs(q_out).max(axis=(0, 1)) < 3)
     return [Measured(time, q_out[:, :, s].copy(), tau_out[:, :, s].copy(), ref[:, :, s].copy(), bool(good[s])) for s in range(b.size)]
 

@@ -12,6 +12,7 @@ from tests.rig.cases import Case
 from tests.rig.experiment import Experiment, Measured
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+PART = 400  # runs that are simulated at once
 
 
 @dataclass
@@ -97,28 +98,34 @@ def judge(task) -> dict:
     return asdict(out)
 
 
-def run_all(tasks: list[tuple[Case, Experiment]], duration: float, workers: int = 1, out: Path | None = None, batch: int = 250, tell=print):
-    """Outcomes of all tasks: simulated in batches, judged in `workers` processes, each kept as a line of `out` at once.
+def run_all(tasks: list[tuple[Case, Experiment]], duration: float, workers: int = 1, out: Path | None = None, tell=print):
+    """Outcomes of all tasks: simulated and judged in parts, one part a process at a time, each outcome kept as a line of `out` at once.
 
     Tasks that `out` holds already are not run again, so a study that was stopped goes on where it was.
     """
-    from tests.rig.experiment import record
-
     done = {key(o): o for o in (Outcome(**json.loads(line)) for line in out.read_text().splitlines())} if out and out.exists() else {}
     wanted = [(case.label, case.size, experiment.seed) for case, experiment in tasks]
     left = [task for task, name in zip(tasks, wanted, strict=True) if name not in done]
+    count = max(-(-len(left) // PART), min(workers, len(left)))
     with ProcessPoolExecutor(workers) as pool:
-        for start in range(0, len(left), batch):
-            part = left[start : start + batch]
-            runs = record([case.plant for case, _ in part], [experiment for _, experiment in part], duration)
-            for result in pool.map(judge, [(run, *task) for run, task in zip(runs, part, strict=True)]):
-                outcome = Outcome(**result)
-                done[key(outcome)] = outcome
-                if out:
-                    with out.open("a") as lines:
-                        lines.write(json.dumps(result) + "\n")
-            tell(f"  {start + len(part)} of {len(left)}")
+        for outcomes in pool.map(_simulated_and_judged, [(left[k::count], duration, out) for k in range(count)]):
+            done |= {key(o): o for o in outcomes}
+            tell(f"  {len(done)} of {len(wanted)}")
     return [done[name] for name in wanted]
+
+
+def _simulated_and_judged(part) -> list[Outcome]:
+    from tests.rig.experiment import record
+
+    tasks, duration, out = part
+    runs = record([case.plant for case, _ in tasks], [experiment for _, experiment in tasks], duration)
+    outcomes = []
+    for run, (case, experiment) in zip(runs, tasks, strict=True):
+        outcomes.append(Outcome(**judge((run, case, experiment))))
+        if out:
+            with out.open("a") as lines:
+                lines.write(json.dumps(asdict(outcomes[-1])) + "\n")
+    return outcomes
 
 
 def key(outcome: Outcome) -> tuple[str, float, int]:

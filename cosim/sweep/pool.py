@@ -118,11 +118,10 @@ class LocalPool(Workers):
                     worker.give(task, todo.popleft())
             for worker in _heard(self.staff):
                 chunk, findings, message = worker.take()
-                if findings is not None:
-                    yield chunk.points, findings
-                    continue
-                again, settled = chunk.after_failure(message)
+                again, settled = ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
                 todo.extend(again)
+                if todo:  # before the answer is looked at: the worker need not wait for that
+                    worker.give(task, todo.popleft())
                 yield from settled
 
     def close(self) -> None:

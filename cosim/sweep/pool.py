@@ -102,7 +102,8 @@ class LocalPool(Workers):
     """`count` worker processes; one that dies is replaced.
 
     On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by then
-    this process may have threads, which do not survive a fork.
+    this process may have threads, which do not survive a fork. Numpy's BLAS threads would fight for the workers' cores: set
+    OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim` does.
     """
 
     def __init__(self, count: int) -> None:

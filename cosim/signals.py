@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from attrs import field, frozen
 
+TYPES = {"Real": 0, "Float64": 0, "Float32": 1, "Boolean": 3, "String": 4, "Binary": 5, "Clock": 6}
+"""In which order variables are exchanged, by type: doubles first; integers of every size are 2."""
 _ELEMENT = re.compile(r"^(?P<stem>.*)\[(?P<index>\d+)\]$")
 
 
@@ -80,13 +82,32 @@ class Description:
         """The scalar names behind a name: itself, or `x` -> `x[1], x[2], x[3]`; empty where there is none."""
         if name in self.variables:
             return [name]
-        found = ((index_of(n), n) for n in self.variables if n.startswith(name + "[") and stem(n) == name)
-        return [n for _, n in sorted(found)]
+        return list(self._vectors.get(name, ()))
+
+    @cached_property
+    def _vectors(self) -> dict[str, list[str]]:
+        """Scalar names by stem, in the order of their indices."""
+        return {name: sorted(names, key=index_of) for name, names in grouped(self.variables).items()}
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Outputs that can be wired, in the order in which they are read."""
+        return tuple(by_type(v for v in self.variables.values() if v.causality == "output" and TYPES.get(v.type, 2) < 4))
 
     def stems(self, causality: str | None = None) -> list[str]:
         """Names without brackets, each once, in the order of the FMU."""
         names = (v.name for v in self.variables.values() if causality in (None, v.causality))
         return list(dict.fromkeys(stem(name) for name in names))
+
+
+def is_real(variable: Variable) -> bool:
+    """Whether the variable is a double."""
+    return TYPES.get(variable.type, 2) == 0
+
+
+def by_type(variables: Iterable[Variable]) -> list[str]:
+    """Names of the variables in the order in which they are exchanged."""
+    return [v.name for v in sorted(variables, key=lambda v: TYPES.get(v.type, 2))]
 
 
 @lru_cache(maxsize=8192)

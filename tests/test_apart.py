@@ -14,7 +14,7 @@ import pytest
 from build_fmus.build import Job, build
 from build_fmus.compiler import this_platform
 from build_fmus.table import Experiment, Head, Table, Variable
-from cosim.apart import run_apart, runner
+from cosim.apart import called, run_apart, runner
 from cosim.errors import RunError
 from cosim.fmu import open_system
 from cosim.master import run
@@ -146,3 +146,25 @@ def test_ctrl_c_ends_an_fmu_that_never_returns(clocks):
         result = run_apart(scenario, system, lambda _: threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start())
     assert result.interrupted and result.message == "interrupted" and 2000 <= len(result.time) - 1 <= 2500
     assert np.array_equal(result.signals["second.y"], np.arange(len(result.time)))
+
+
+def test_other_uses_of_fmus_run_apart_too(clocks):
+    scenario = load_text(clocks)
+    with open_system(scenario) as system:
+
+        def counted(mark):
+            return sum(slave.start({}) is None for slave in system.slaves(system.wiring(scenario)))
+
+        assert called(counted, scenario, system, "it was counted") == 2 and not system.loaded
+        with pytest.raises(ZeroDivisionError):
+            called(lambda mark: 1 / 0, scenario, system, "it was counted")
+        with pytest.raises(RunError, match="FMU second: the FMU crashed while it was counted .signal SIGABRT"):
+            called(lambda mark: os.abort(), scenario, system, "it was counted")
+    assert called(lambda mark: os.getpid(), load_scenario("sallam-stable"), None, "") == os.getpid()
+
+
+def test_the_stability_command_tells_of_a_crash(clocks, tmp_path):
+    words = cosim_run(clocks + "parameters = { last = -1 }\n", tmp_path)
+    done = subprocess.run([{"run": "stability"}.get(word, word) for word in words], capture_output=True, text=True)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "error: FMU second: the FMU crashed while the loop was linearised (signal SIGABRT" in done.stderr

@@ -55,18 +55,22 @@ def _pose(text: str | None) -> list[float] | None:
 
 
 def compare(scenario, system, progress=None):
-    """The comparison and the linearised loop of a scenario on loaded FMUs."""
+    """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
+    from functools import partial
+
+    from cosim.apart import called, runner
     from cosim.judging import judged_run
     from cosim.stability.assessment import boundary, plant_ports, theory
     from cosim.stability.document import Comparison
     from cosim.stability.linearisation import linearise
     from cosim.stability.margin import margins
 
-    wiring, loop = system.wiring(scenario), linearise(scenario, system)
+    wiring = system.wiring(scenario)
+    loop = called(partial(linearise, scenario, system), scenario, system, "the loop was linearised")
     said, family = theory(wiring, loop), loop.family()
     margin = margins(family, max(loop.delays)) if family and loop.delays[0] == loop.delays[1] else None
     limit = boundary(loop) if said.abscissa is not None else None
-    judged = judged_run(scenario, system, progress)
+    judged = judged_run(scenario, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
     return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages), loop
 

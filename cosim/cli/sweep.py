@@ -24,7 +24,6 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: every worker's own threads would fight for the same cores
     from cosim.cli.folder import made
     from cosim.sweep.campaign import carry_out, first_point, task_of
     from cosim.sweep.evaluate import check, origin
@@ -60,8 +59,6 @@ def _prepared(spec: str, overrides: list[str], effects: Path | None):
 
 def _staff(workers: int | None, dask: str | None):
     """Who works, and that in words."""
-    import os
-
     if dask:
         from cosim.sweep.cluster import DaskPool
 

@@ -14,6 +14,7 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.errors import InputError, Problem
+from cosim.execution import marked
 from cosim.master import System, initialise
 from cosim.scenario import Scenario, with_parameters
 from cosim.signals import stem
@@ -97,16 +98,18 @@ def at_pose(scenario: Scenario, pose: Sequence[float] | None) -> Scenario:
     return with_parameters(scenario, values | {f"{arm}.dq_start": 0.0 for arm in arms})
 
 
-def linearise(scenario: Scenario, system: System) -> Loop:
-    """Linearise the loop at the start pose of the scenario, on loaded FMUs. Raises RunError, InputError."""
-    wiring = system.wiring(scenario)
+def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None) -> Loop:
+    """Linearise the loop at the start pose of the scenario, on loaded FMUs. Raises RunError, InputError.
+
+    mark: where it says which FMU is at work (see cosim.execution.marked).
+    """
+    wiring, mark = system.wiring(scenario), marked() if mark is None else mark
     slaves = {slave.name: slave for slave in system.slaves(wiring)}
-    initialise(wiring, list(slaves.values()))
-    channels = channel_bounds(wiring)
-    fmus = {
-        name: _channel(wiring, name) if name in channels else _linear(wiring, name, slaves[name])
-        for name in scenario.components
-    }
+    initialise(wiring, list(slaves.values()), mark)
+    channels, fmus = channel_bounds(wiring), {}
+    for number, name in enumerate(scenario.components):
+        mark[1] = number
+        fmus[name] = _channel(wiring, name) if name in channels else _linear(wiring, name, slaves[name])
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
     if not states:
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))

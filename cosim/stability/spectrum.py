@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import field, frozen
-from scipy.linalg import eig, eigvals
 
 _ORDERS = (10, 16, 24, 36, 54, 80, 120)
 _POLISH = 40
@@ -108,18 +107,21 @@ def balanced(system: DelaySystem) -> DelaySystem:
 def polish(system: DelaySystem, guess: complex) -> complex | None:
     """Newton correction of one root on the exact characteristic matrix; None where it does not converge.
 
-    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v, s <- s - lambda of least modulus. It stays
-    quadratic on semisimple multiple roots, which equal axes produce.
+    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v, s <- s - lambda of least modulus, found as the
+    largest 1 / lambda of Delta(s)^-1 Delta'(s). It stays quadratic on semisimple multiple roots, which equal axes produce.
     """
     s = complex(guess)
     for _ in range(_POLISH):
         if not np.isfinite(s) or -s.real * system.longest > 600.0:  # exp(-s tau) would overflow: far left, not sought
             return None
-        steps = eigvals(system.characteristic(s), system.slope(s))
-        steps = steps[np.isfinite(steps)]
-        if steps.size == 0:
+        try:
+            inverse = np.linalg.eigvals(np.linalg.solve(system.characteristic(s), system.slope(s)))
+        except np.linalg.LinAlgError:  # Delta(s) is singular: a root
+            return s
+        largest = inverse[np.argmax(np.abs(inverse))]
+        if largest == 0.0:
             return None
-        step = steps[np.argmin(np.abs(steps))]
+        step = 1.0 / largest
         s -= step
         if abs(step) <= 4e-15 * max(1.0, abs(s)):
             return s
@@ -147,7 +149,7 @@ def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: 
 
 
 def _rightmost(system: DelaySystem, order: int, above: float, at_most: int) -> np.ndarray:
-    guesses = eigvals(generator(system, order), check_finite=False)
+    guesses = np.linalg.eigvals(generator(system, order)).astype(complex)
     guesses = guesses[(guesses.imag >= 0) & (guesses.real >= above - 1.0 / system.longest)]
     return guesses[np.argsort(-guesses.real)][:at_most]
 
@@ -325,6 +327,8 @@ def _polished_crossing(family: DelayFamily, w: float, delay: float) -> float:
 
 def root_rate(family: DelayFamily, delay: float, s: complex) -> complex:
     """ds/dT of a simple root [1/s^2] = -(u^H dDelta/dT v) / (u^H Delta' v) with the null vectors u, v of Delta(s)."""
+    from scipy.linalg import eig
+
     system = family.at(delay)
     values, left, right = eig(system.characteristic(s), left=True)
     k = int(np.argmin(np.abs(values)))

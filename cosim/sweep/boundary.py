@@ -5,7 +5,7 @@ unknown), and returns the boundary. It asks in rounds and decides from complete 
 depend on how many workers answer or in which order.
 
 Two dimensions: values on a jittered lattice; cells with doubtful signs are split (`quadtree`); each crossed edge gets
-its zero by the Illinois method; between two zeros the boundary is checked at the middle and moved along the gradient
+its zero by Chandrupatla's method; between two zeros the boundary is checked at the middle and moved along the gradient
 until the sagitta of what is left is below the tolerance.
 """
 
@@ -94,11 +94,12 @@ class Bracket:
 def narrow(
     brackets: list[Bracket], tolerance: float, rounds: int = 60
 ) -> Generator[Places, list[float], list[np.ndarray]]:
-    """Zeros inside brackets by the Illinois method (Dowell and Jarratt 1971), all brackets together, one value each a round.
+    """Zeros inside brackets by Chandrupatla's method (1997), all brackets together, one value each a round.
 
     A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
     to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
-    the secant means nothing).
+    the estimate means nothing). One that is shorter than the tolerance from the beginning, with twice the rate at one
+    end, needs no value more: its secant is within a third of it from the other end.
     """
     hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
     for _ in range(rounds):
@@ -112,25 +113,34 @@ def narrow(
 
 
 class _Hunt:
-    """Illinois iteration along one bracket, in shares of its length."""
+    """A zero along one bracket, in shares of its length.
+
+    `a` is the newest end and `b` the one across the zero; `c`, once there is one, is the end that was left last.
+    """
 
     def __init__(self, bracket: Bracket, tolerance: float) -> None:
         self.bracket = bracket
         self.length = float(np.linalg.norm(bracket.high - bracket.low))
         self.tolerance = tolerance / 3.0
-        self.a, self.b, self.fa, self.fb = 0.0, 1.0, bracket.at_low, bracket.at_high
-        self.ends = (abs(bracket.at_low), abs(bracket.at_high))
-        self.side, self.done = 0, self.length < self.tolerance
+        self.a, self.fa, self.b, self.fb = 1.0, bracket.at_high, 0.0, bracket.at_low
+        self.c = self.fc = np.nan
+        small, large = sorted((abs(self.fa), abs(self.fb)))
+        self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
 
     def share(self) -> float:
-        """Next estimate: the secant, kept off the ends by a hundredth."""
-        share = (
-            (self.a * self.fb - self.b * self.fa) / (self.fb - self.fa)
-            if self.fb != self.fa
-            else 0.5 * (self.a + self.b)
-        )
-        margin = 0.01 * (self.b - self.a)
-        return float(np.clip(share, self.a + margin, self.b - margin))
+        """Next estimate, kept off the ends by a hundredth: the secant at first, then the inverse parabola through a, b, c
+        where it is sure to rise from end to end, else the middle."""
+        a, b, c, fa, fb, fc = self.a, self.b, self.c, self.fa, self.fb, self.fc
+        share = 0.5 * (a + b)
+        if np.isnan(c):
+            share = (a * fb - b * fa) / (fb - fa)
+        elif fc not in (fa, fb):
+            reach, rise = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            if rise**2 < reach and (1.0 - rise) ** 2 < 1.0 - reach:
+                share = a + (b - a) * fa / (fb - fa) * fc / (fb - fc) + (c - a) * fa / (fc - fa) * fb / (fc - fb)
+        low, high = min(a, b), max(a, b)
+        margin = 0.01 * (high - low)
+        return float(np.clip(share, low + margin, high - margin))
 
     def place(self) -> np.ndarray:
         """The estimate as a place."""
@@ -139,17 +149,15 @@ class _Hunt:
     def learn(self, value: float) -> None:
         """Take the rate at the estimate; an unknown one (NaN) is taken for stable, so that the hunt ends."""
         share = self.share()
-        value = value if np.isfinite(value) else -abs(self.fa)
-        smooth = abs(value) <= 0.2 * min(self.ends)
-        self.ends = (abs(value), self.ends[1]) if not opposite(self.fa, value) else (self.ends[0], abs(value))
-        if not opposite(self.fa, value):
-            self.fb *= 0.5 if self.side == 1 else 1.0
-            self.a, self.fa, self.side = share, value, 1
+        value = value if np.isfinite(value) else -max(abs(self.fa), abs(self.fb))
+        smooth = abs(value) <= 0.2 * min(abs(self.fa), abs(self.fb))
+        if opposite(self.fa, value):
+            self.b, self.fb, self.c, self.fc = self.a, self.fa, self.b, self.fb
         else:
-            self.fa *= 0.5 if self.side == -1 else 1.0
-            self.b, self.fb, self.side = share, value, -1
+            self.c, self.fc = self.a, self.fa
+        self.a, self.fa = share, value
         moved = abs(self.share() - share) * self.length
-        self.done = (smooth and moved < self.tolerance) or (self.b - self.a) * self.length < self.tolerance
+        self.done = (smooth and moved < self.tolerance) or abs(self.a - self.b) * self.length < self.tolerance
 
 
 # two dimensions ------------------------------------------------------------------------------------------------------

@@ -102,7 +102,8 @@ class LocalPool(Workers):
     """`count` worker processes; one that dies is replaced.
 
     On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by then
-    this process may have threads, which do not survive a fork.
+    this process may have threads, which do not survive a fork. Numpy's BLAS threads would fight for the workers' cores: set
+    OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim` does.
     """
 
     def __init__(self, count: int) -> None:
@@ -118,11 +119,10 @@ class LocalPool(Workers):
                     worker.give(task, todo.popleft())
             for worker in _heard(self.staff):
                 chunk, findings, message = worker.take()
-                if findings is not None:
-                    yield chunk.points, findings
-                    continue
-                again, settled = chunk.after_failure(message)
+                again, settled = ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
                 todo.extend(again)
+                if todo:  # before the answer is looked at: the worker need not wait for that
+                    worker.give(task, todo.popleft())
                 yield from settled
 
     def close(self) -> None:

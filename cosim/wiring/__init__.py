@@ -4,7 +4,6 @@ from cosim.wiring.ages import direction_table
 from cosim.wiring.checking import check, restarted, wire
 from cosim.wiring.loops import stepping_order
 from cosim.wiring.starts import vector_starts
-from cosim.wiring.types import is_real
 from cosim.wiring.wiring import Hop, Link, Path, Wiring
 
 __all__ = [
@@ -14,7 +13,6 @@ __all__ = [
     "Wiring",
     "check",
     "direction_table",
-    "is_real",
     "restarted",
     "stepping_order",
     "vector_starts",

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Connection, Extrapolation, Scenario
-from cosim.signals import Description, Signal, stem
-from cosim.wiring.types import is_real
+from cosim.signals import Description, Signal, is_real, stem
 from cosim.wiring.wiring import Link
 
 

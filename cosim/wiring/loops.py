@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping
 from cosim.errors import Problem
 from cosim.scenario import Scenario
 from cosim.signals import Description, Signal
-from cosim.wiring.types import outputs_of
 from cosim.wiring.wiring import Link
 
 
@@ -19,7 +18,7 @@ def _edges(links: Iterable[Link], descriptions, assumed: bool) -> dict[Signal, l
         edges.setdefault(link.source, []).append(link.target)
         wired.setdefault(link.target.component, []).append(link.target.variable)
     for name, inputs in wired.items():
-        for output in outputs_of(descriptions[name]):
+        for output in descriptions[name].outputs:
             through = descriptions[name].variables[output].feedthrough
             acting = (inputs if assumed else []) if through is None else [i for i in inputs if i in through]
             for variable in acting:
@@ -111,7 +110,7 @@ def _feedthrough(links: list[Link], descriptions) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for link in links:
         name = link.target.component
-        for output in outputs_of(descriptions[name]):
+        for output in descriptions[name].outputs:
             acting = descriptions[name].variables[output].feedthrough
             if Signal(name, output) in read and (acting is None or link.target.variable in acting):
                 found.setdefault(name, set()).add(link.target.variable)

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
-from cosim.signals import Description, Variable, index_of, stem
-from cosim.wiring.types import TYPES
+from cosim.signals import TYPES, Description, Variable, index_of, stem
 
 _SETTABLE = {"parameter", "input", "structuralParameter"}
 

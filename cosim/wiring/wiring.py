@@ -7,8 +7,7 @@ from attrs import field, frozen
 
 from cosim.scenario import Connection, Scenario
 from cosim.schedule import Schedule
-from cosim.signals import Description, Signal
-from cosim.wiring.types import by_type, outputs_of
+from cosim.signals import Description, Signal, by_type
 
 
 @frozen
@@ -92,7 +91,7 @@ class Wiring:
 
     def outputs(self, component: str) -> list[str]:
         """The component's outputs, in the order in which they are read: real ones first."""
-        return outputs_of(self.descriptions[component])
+        return list(self.descriptions[component].outputs)
 
     @cached_property
     def signals(self) -> list[str]:

@@ -415,23 +415,27 @@ def measure(case: Case, engines: dict[str, Callable[[Case], Runner]], rounds: in
     return times
 
 
+def figure(value: float) -> str:
+    """Three significant digits, never an exponent."""
+    return f"{float(f'{value:.3g}'):.12g}"
+
+
 def report(title: str, times: dict[str, list[float]]) -> str:
     """A Markdown table of medians and of the medians of each round's ratio to the C master."""
     first = next(iter(times.values()))
     lines = [f"\n{title}\n", "| way | us per step | to the C master |", "|---|---|---|"]
     for name, values in times.items():
         ratio = statistics.median(v / f for v, f in zip(values, first))
-        lines.append(f"| {name} | {statistics.median(values):.3g} | {ratio:.3g} |")
+        lines.append(f"| {name} | {figure(statistics.median(values))} | {figure(ratio)} |")
     return "\n".join(lines)
 
 
 def machine() -> str:
-    """Date, processor, cores and load."""
+    """Date, processor, cores, Python and load, as the page has them."""
     model = "unknown processor"
     if Path("/proc/cpuinfo").exists():
         model = next((line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line), model)
-    load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
-    return f"{time.strftime('%Y-%m-%d')}, {model}, {os.cpu_count()} cores, Python {platform.python_version()}, load {load}"
+    return f"{time.strftime('%Y-%m-%d')}, {model}, {os.cpu_count()} cores, Python {platform.python_version()}, load {os.getloadavg()[0]:.1f}"
 
 
 def main() -> None:
@@ -440,7 +444,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--only", choices=["tiny", "real"])
     arguments = parser.parse_args()
-    print(machine())
+    print(f"{machine()}, `--rounds {arguments.rounds}`")
     for which in [arguments.only] if arguments.only else ["tiny", "real"]:
         with tempfile.TemporaryDirectory(prefix="cosim-bench-") as folder:
             case = cases(which, arguments.seconds, Path(folder))

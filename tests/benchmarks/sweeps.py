@@ -27,7 +27,7 @@ from cosim.sweep import kernel
 from cosim.sweep.evaluate import EVALUATORS, _Seat, _signals
 from cosim.sweep.points import Finding, Point
 from cosim.sweep.pool import LocalPool, Task
-from tests.benchmarks.engines import Case, fmpy_lists, machine, timed
+from tests.benchmarks.engines import Case, figure, fmpy_lists, machine, timed
 
 PAPER = {
     "experiment.stop": 20.0, "arm_*.q_start": [0.0, 0.0, 0.0], "operator.amplitude": 0.0,
@@ -143,19 +143,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a 20 x 20 map and two rounds")
     quick = parser.parse_args().quick
-    print(machine(), "\n", sep="")
+    print(f"{machine()}{', `--quick`' if quick else ''}\n")
     with tempfile.TemporaryDirectory(prefix="cosim-bench-") as name:
         rows = parts(2 if quick else 5, Path(name))
         loop = dict(rows)["fmpy loop, one get and set per FMU"]
         print("| per 20 s scenario | processor ms | the fmpy loop takes times |\n|---|---|---|")
         for part, value in rows:
-            print(f"| {part} | {value:.3g} | {loop / value:.3g} |")
+            print(f"| {part} | {figure(value)} | {figure(loop / value)} |")
         print("\n| points a second, two worker processes against one | times |\n|---|---|")
         for what, evaluator in (("kernel alone", "tests.benchmarks.sweeps:batch"), ("kernel, twin, verdict", EVALUATORS["simulation"])):
-            print(f"| {what} | {cores(evaluator, 3 if quick else 12):.3g} |", flush=True)
+            print(f"| {what} | {figure(cores(evaluator, 3 if quick else 12))} |", flush=True)
         print("\n| command | wall-clock s | processor s |\n|---|---|---|", flush=True)
         for words, wall, cpu in commands(Path(name), 20 if quick else 50):
-            print(f"| {words} | {wall:.3g} | {cpu:.3g} |", flush=True)
+            print(f"| {words} | {wall:.2f} | {cpu:.2f} |", flush=True)
     os._exit(0)
 
 

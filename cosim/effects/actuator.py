@@ -17,7 +17,8 @@ _LINK = "an encoder on the link, or larger and smaller motions: a lag does not d
 _BEHIND = (Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45))
 LONGEST = 0.06  # s, of lags and delays that a torque loop may have
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
-USUAL = 0.4  # share of commands beyond a limit or within a dead band, above which it is neither but the usual torque
+USUAL = 0.4  # share of commands within a dead band, above which it is no dead band but the usual torque
+STARVED = 0.85  # share of commands beyond a limit, above which what is delivered is no more than a sign
 
 
 class Late(Effect):
@@ -142,7 +143,7 @@ class TorqueSaturation(Effect):
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
-        return tuple((float(x),) for x in np.unique(np.percentile(u, (50, 60, 68, 75, 80, 84, 87, 90, 92, 94, 96, 97, 98, 99))))
+        return tuple((float(x),) for x in np.unique(np.percentile(u, (20, 30, 40, 50, 60, 68, 75, 80, 84, 87, 90, 92, 94, 96, 97, 98, 99))))
 
     def continuous(self, theta):
         return (0,)
@@ -162,7 +163,7 @@ class TorqueSaturation(Effect):
 
     def unphysical(self, estimate: Estimate) -> str:
         beyond = float(np.mean(np.abs(estimate.scene.motion.tau_raw[:, estimate.joints[0]]) > estimate.theta[0]))
-        if beyond > USUAL:
+        if beyond > STARVED:
             return f"{100 * beyond:.0f} % of the commands lie beyond the limit: a loop so starved of torque would not track"
         return _whole(estimate, "of what the command has beyond the limit is missing")
 

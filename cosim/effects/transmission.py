@@ -19,6 +19,7 @@ _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
 STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
+MOST_STEPS = 500  # a sample; a link too light for them runs away and gives no column
 STARTS = 10  # runs whose start has columns of its own
 EDGE, SLIDING = 3.5, 0.9  # filter widths of a run's edge; mean sign of the speed there, above which the joint moves
 SMALL, CALM = 0.2, 0.5  # step of the simulated link times w, and times the rate at which damping alone calms it
@@ -206,7 +207,7 @@ class _Link:
         """Numbers of link_lane for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per sample."""
         (stiffness, damping, gap), least = self.spring, 0.1 * (1 - self.theta[2]) * self.usual
         lightest = max(lightest - self.motor, least)
-        substeps = np.ceil(step * max(np.sqrt(stiffness / lightest) / SMALL, (damping + drag) / lightest / CALM))
+        substeps = min(np.ceil(step * max(np.sqrt(stiffness / lightest) / SMALL, (damping + drag) / lightest / CALM)), MOST_STEPS)
         state = start.state(self.spring, self.motor, resting) if self.driven else self.size
         return self.motor, least, float(self.driven), stiffness, damping, gap, *state, substeps
 

@@ -25,7 +25,7 @@ THETA = {"friction_drift": (1e12,),
     "stribeck": (0.3, 2.0),
     "torque_ripple": (11.0,),
     "hysteresis": (0.05, 1.0),
-    "external_contact": (0.6, 0.0, 0.8, 0.01),
+    "external_contact": (0.6, 0.0, 0.8, 0.01, 0.5 / 200.0),
     "torque_saturation": (0.04,),
     "torque_deadband": (0.02,),
 }

@@ -5,15 +5,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.candidates import Candidate, screen, shifted
+from cosim.closure.candidates import BETWEEN, Candidate, screen, shifted
 from cosim.closure.evidence import Evidence, relative_error, weigh
-from cosim.closure.model import Choice, Model, evolve_model, settled, train_error, with_choices
+from cosim.closure.model import Choice, Model, evolve_model, filtered, settled, spread, train_error, with_choices
 from cosim.effects import Effect
 
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
 NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
+DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
+TANGENT = 0.02  # step of the central differences in nonlinear parameters
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 
@@ -184,7 +186,50 @@ def _polished(model: Model) -> Model:
     for number, choice in enumerate(choices):
         if choice.effect.continuous(choice.theta) and len(choice.joints) == 1 and choice.effect.sharp:
             model = _together(model, number)
+        elif choice.effect.continuous(choice.theta) and len(choice.joints) > 1 and not choice.effect.late:
+            model = _descended(model, number)
     return model
+
+
+def _descended(model: Model, number: int) -> Model:
+    """The model with an effect's nonlinear parameters moved all at once (Gauss, Newton): those of a wall turn and shift it together."""
+    choice = model.choices[number]
+    free, error = choice.effect.continuous(choice.theta), train_error(model)
+    for _ in range(DESCENTS):
+        steps = np.clip(_newton_steps(model, number, free), -BETWEEN, BETWEEN)
+        for share in (1.0, 0.5, 0.25):
+            moved = evolve(choice, theta=shifted(choice, free, share * steps))
+            trial = with_choices(model, tuple(moved if k == number else c for k, c in enumerate(model.choices)), passes=0)
+            if train_error(trial) < error:
+                break
+        else:
+            return model
+        done = train_error(trial) > (1 - DESCENDED) * error
+        model, choice, error = trial, moved, train_error(trial)
+        if done:
+            return model
+    return model
+
+
+def _newton_steps(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
+    """Steps of the free nonlinear parameters that the model, linearised in them, fits best with."""
+    slopes = np.concatenate([column for column, _ in tangents(model, number, free)], axis=2)
+    train = ~model.setting.rows.test
+    x = np.concatenate((model.design, slopes), axis=2)[:, train].reshape(-1, model.design.shape[2] + len(free))
+    size = np.linalg.norm(x, axis=0)
+    scale = np.where(size > 1e-9 * size.max(), 1 / np.maximum(size, 1e-300), 0.0)
+    return (np.linalg.lstsq(x * scale, model.y[:, train].ravel(), rcond=1e-8)[0] * scale)[-len(free) :]
+
+
+def tangents(model: Model, number: int, free: tuple[int, ...]) -> list[tuple[np.ndarray, float]]:
+    """For each free nonlinear parameter of an effect the weighted column (J, m, 1) of a step of it, and the change of its value by a step."""
+    choice, scene, beta, out = model.choices[number], model.seen or model.scene, model.fit.beta[model.coefficients(number)], []
+    for index in free:
+        ahead, behind = (choice.effect.moved(choice.theta, index, s) for s in (TANGENT, -TANGENT))
+        a, b = (filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, th)) for th in (ahead, behind))
+        slope = {j: ((a[j] - b[j]) @ beta / (2 * TANGENT))[:, None] for j in a}
+        out.append((spread(slope, model.setting) * model.scale, (ahead[index] - behind[index]) / (2 * TANGENT)))
+    return out
 
 
 def _together(model: Model, number: int) -> Model:

@@ -19,11 +19,17 @@ def _tip(motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 DAMPED = 0.15  # of a wall's spring force: a damping below that is not told from none, whatever its sign
+LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
+UNUSUAL = 1.1  # times the squared error of another time constant than the usual one: by as much it may do better by chance
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
 class FrictionDrift(Effect):
-    """Friction that changes over the recording, as by warming up."""
+    """Friction that changes over the recording, as by warming up; theta = (time constant T [s],).
+
+    A half of a recording hardly tells T, and what it says of it goes astray on the other half. T is the recording's length, between a
+    drift that goes on as it began and one that is over, unless another leaves clearly less.
+    """
 
     name = "friction_drift"
     of_time = True
@@ -31,6 +37,7 @@ class FrictionDrift(Effect):
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
+    form = 0.12  # of the first slope: T half or twice as long changes it by a quarter either way where the growth is the same
     aliases = ()
     needs = "repeats of the same motion at different times"
 
@@ -39,8 +46,10 @@ class FrictionDrift(Effect):
         return "" if np.ptp(train) >= 8.0 else "less than eight seconds of fitted recording"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        span = float(np.ptp(scene.motion.time))
-        return ((1e3 * span,), (0.5 * span,), (0.2 * span,), (0.08 * span,))
+        return tuple((float(share * np.ptp(scene.motion.time)),) for share in (1.0, LASTING, 2.0, 0.5, 0.2, 0.08))
+
+    def doubt(self, scene: Scene, theta: Theta) -> float:
+        return 1.0 if np.isclose(theta[0], np.ptp(scene.motion.time)) else UNUSUAL
 
     def columns(self, scene, joints, theta):
         m, j = scene.motion, joints[0]
@@ -52,9 +61,10 @@ class FrictionDrift(Effect):
         return (per_joint("friction_drift", joints),)
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
-        span = float(np.ptp(estimate.scene.motion.time))
-        mean = estimate.theta[0] / span * -np.expm1(-span / estimate.theta[0])
-        return {per_joint("friction_drift", estimate.joints): float(estimate.beta[0] * mean)}
+        slope = {per_joint("friction_drift", estimate.joints): float(estimate.beta[0])}
+        if estimate.theta[0] > 0.1 * LASTING * np.ptp(estimate.scene.motion.time):
+            return slope
+        return slope | {per_joint("friction_drift_time", estimate.joints): estimate.theta[0]}
 
     def unphysical(self, estimate: Estimate) -> str:
         span, constant = np.ptp(estimate.scene.motion.time), estimate.theta[0]

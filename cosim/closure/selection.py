@@ -8,7 +8,7 @@ from attrs import evolve, frozen
 from cosim.closure.candidates import BETWEEN, Candidate, screen, shifted
 from cosim.closure.evidence import Evidence, relative_error, weigh
 from cosim.closure.model import Choice, Model, evolve_model, filtered, settled, spread, train_error, with_choices
-from cosim.effects import Effect
+from cosim.effects import Effect, Estimate
 
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
@@ -256,7 +256,7 @@ def _together(model: Model, number: int) -> Model:
 
 
 def _refined(model: Model, number: int) -> Choice:
-    """The choice with its continuous nonlinear parameter moved to the least error of the fitted rows."""
+    """The choice with its continuous nonlinear parameters moved to the least error of the fitted rows, within what is physical."""
     choice = model.choices[number]
     free = choice.effect.continuous(choice.theta)
     for index in free:
@@ -265,18 +265,26 @@ def _refined(model: Model, number: int) -> Choice:
 
 
 def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choice:
-    def error(theta: tuple[float, ...]) -> float:
-        others = (*model.choices[:number], evolve(choice, theta=theta), *model.choices[number + 1 :])
-        return float(relative_error(with_choices(model, others, passes=0))[0].sum())
+    def tried(theta: tuple[float, ...]) -> Model:
+        return with_choices(model, tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices)), passes=0)
 
-    best, value = choice.theta, error(choice.theta)
+    def error(trial: Model) -> float:
+        return float(relative_error(trial)[0].sum())
+
+    def physical(trial: Model) -> bool:
+        part = trial.coefficients(number)
+        return not choice.effect.unphysical(Estimate(trial.fit.beta[part], trial.fit.std[part], trial.choices[number].theta, choice.joints, model.scene))
+
+    start = tried(choice.theta)
+    best, value, held = choice.theta, error(start), physical(start)
     for step in (0.25, 0.12, 0.06, 0.03, 0.015):
         for sign in (1, -1):
             for _ in range(4):
-                trial = choice.effect.moved(best, index, sign * step)
-                if (new := error(trial)) >= value:
+                theta = choice.effect.moved(best, index, sign * step)
+                trial = tried(theta)
+                if (new := error(trial)) >= value or held and not physical(trial):
                     break
-                best, value = trial, new
+                best, value = theta, new
     return evolve(choice, theta=best)
 
 

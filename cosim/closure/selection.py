@@ -13,6 +13,7 @@ from cosim.effects import Effect, Estimate
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
 NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
+PLAIN = 0.97  # of the error that an unphysical step may leave at most to be taken: the data ask for it
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
 DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
 TANGENT = 0.02  # step of the central differences in nonlinear parameters
@@ -256,7 +257,7 @@ def _together(model: Model, number: int) -> Model:
 
 
 def _refined(model: Model, number: int) -> Choice:
-    """The choice with its continuous nonlinear parameters moved to the least error of the fitted rows, within what is physical."""
+    """The choice with its continuous nonlinear parameters moved to the least error of the fitted rows, within what is physical unless that costs clearly more."""
     choice = model.choices[number]
     free = choice.effect.continuous(choice.theta)
     for index in free:
@@ -282,7 +283,7 @@ def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choic
             for _ in range(4):
                 theta = choice.effect.moved(best, index, sign * step)
                 trial = tried(theta)
-                if (new := error(trial)) >= value or held and not physical(trial):
+                if (new := error(trial)) >= value or held and new > PLAIN * value and not physical(trial):
                     break
                 best, value = theta, new
     return evolve(choice, theta=best)

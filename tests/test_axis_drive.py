@@ -14,6 +14,7 @@ RIG = {
     "viscous": 0.4,
     "coulomb": 0.3,
     "coulomb_velocity": 0.2,
+    "coulomb_form": 1.0,
     "stribeck": 0.2,
     "stribeck_velocity": 0.5,
     "coulomb_asymmetry": 0.05,
@@ -35,10 +36,12 @@ RIG = {
     "hysteresis_exponent": 0.7,
     "quadratic_drag": 0.02,
     "friction_drift": 0.1,
+    "friction_drift_time": 1.5,
     "torque_gain": 0.05,
     "actuator_lag": 0.02,
     "coupling_viscous": 0.3,
     "coupling_coulomb": 0.1,
+    "coupling_velocity": 0.4,
     "coupling_stiffness": 0.2,
 }
 
@@ -55,12 +58,13 @@ def rig_rate(p: dict, h: float):
     """State (q, dq, z, lagged torque); inputs held over steps of h."""
 
     def sign(v):
-        return v / np.hypot(v, p["coulomb_velocity"])
+        return np.tanh(v / p["coulomb_velocity"])
 
     def rate(t, s):
         q, v, z, tau = s
         held = np.floor(t / h + 1e-9) * h
-        friction = (p["viscous"] * v + p["coulomb"] * sign(v)) * (1 + p["friction_drift"] * t)
+        warmth = p["friction_drift_time"] * (1 - np.exp(-t / p["friction_drift_time"]))
+        friction = (p["viscous"] * v + p["coulomb"] * sign(v)) * (1 + p["friction_drift"] * warmth)
         friction += (
             p["stribeck"] * np.exp(-((v / p["stribeck_velocity"]) ** 2)) * sign(v)
             + p["coulomb_asymmetry"] * sign(v) ** 2
@@ -80,7 +84,7 @@ def rig_rate(p: dict, h: float):
         required += p["position_torque_sin"] * np.sin(q) + p["position_torque_cos"] * np.cos(q)
         required += p["ripple_sin"] * np.sin(p["ripple_order"] * q) + p["ripple_cos"] * np.cos(p["ripple_order"] * q)
         q2, v2 = other(held)
-        required += p["coupling_viscous"] * v2 + p["coupling_coulomb"] * sign(v2) + p["coupling_stiffness"] * q2
+        required += p["coupling_viscous"] * v2 + p["coupling_coulomb"] * v2 / np.hypot(v2, p["coupling_velocity"]) + p["coupling_stiffness"] * q2
         gravity = p["gravity_sin"] * np.sin(q) + p["gravity_cos"] * np.cos(q)
         command = (1 + p["torque_gain"]) * torque(held)
         return [

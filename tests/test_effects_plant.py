@@ -21,11 +21,12 @@ from cosim.effects.registry import BUILT_IN
 
 ROWS, TAU = 12, np.array([0.05, -0.08, 0.03])
 VISCOUS, COULOMB = np.array([1e-3, 2e-3, 1.5e-3]), np.array([0.02, 0.01, 0.015])
-THETA = {"friction_drift": (1e12,), 
+THETA = {
+    "friction_drift": (5.0,),
     "stribeck": (0.3, 2.0),
     "torque_ripple": (11.0,),
     "hysteresis": (0.05, 1.0),
-    "external_contact": (0.6, 0.0, 0.8, 0.01),
+    "external_contact": (0.6, 0.0, 0.8, 0.01, 0.5 / 200.0),
     "torque_saturation": (0.04,),
     "torque_deadband": (0.02,),
 }

@@ -37,6 +37,10 @@ SIX = np.array([1.0, 2, 3, 4, 5, 6]) * 1e-3
 REQUIRED = {  # parameters, required torque of (q, dq, t, z)
     "viscous": ({"viscous": A}, lambda q, v, t, z: A * v),
     "coulomb": ({"coulomb": A, "coulomb_velocity": C}, lambda q, v, t, z: A * sign(v, C)),
+    "coulomb, forms": (
+        {"coulomb": A, "coulomb_velocity": C, "coulomb_form": [0, 1, 1]},
+        lambda q, v, t, z: A * np.array([sign(v, C)[0], *np.tanh(v / C)[1:]]),
+    ),
     "stribeck": ({"stribeck": A, "stribeck_velocity": C}, lambda q, v, t, z: A * np.exp(-((v / C) ** 2)) * sign(v)),
     "stribeck, exponent 1": (
         {"stribeck": A, "stribeck_velocity": C, "stribeck_exponent": 1.0},
@@ -70,9 +74,21 @@ REQUIRED = {  # parameters, required torque of (q, dq, t, z)
         {"viscous": A, "coulomb": B, "friction_drift": C},
         lambda q, v, t, z: (A * v + B * sign(v)) * (1 + C * t),
     ),
+    "friction_drift that comes to rest": (
+        {"viscous": A, "coulomb": B, "friction_drift": C, "friction_drift_time": [40, 3, 0]},
+        lambda q, v, t, z: (A * v + B * sign(v)) * (1 + C * [40 * (1 - np.exp(-t / 40)), 3 * (1 - np.exp(-t / 3)), t]),
+    ),
     "joint_coupling": (
         {"coupling_viscous": SIX, "coupling_coulomb": 2 * SIX, "coupling_stiffness": 3 * SIX},
         lambda q, v, t, z: pairs(SIX, v) + pairs(2 * SIX, sign(v)) + pairs(3 * SIX, q),
+    ),
+    "joint_coupling, its own speed": (
+        {"coupling_coulomb": SIX, "coupling_velocity": [0.3] * 6},
+        lambda q, v, t, z: pairs(SIX, sign(v, 0.3)),
+    ),
+    "joint_coupling, forms": (
+        {"coupling_coulomb": SIX, "coulomb_velocity": C, "coulomb_form": [1, 1, 0]},
+        lambda q, v, t, z: pairs(SIX, [*np.tanh(v / C)[:2], sign(v, C)[2]]),
     ),
     "torque_gain": ({"torque_gain": C}, lambda q, v, t, z: -C * TAU),
     "torque_saturation": (
@@ -351,6 +367,8 @@ COMPANIONS = {
     "ripple_order": 9.0,
     "hysteresis_length": 0.5,
     "hysteresis_exponent": 0.5,
+    "friction_drift_time": 5.0,
+    "coupling_velocity": 0.3,
     "contact_distance": -5.0,
     "motor_inertia": 1e-4,
     "joint_damping": 0.1,
@@ -407,7 +425,7 @@ def test_every_effect_of_the_contract_is_there_and_zero():
     "name",
     sorted(
         set(effect_parameters())
-        - {"contact_damping", "contact_distance", "contact_normal", "motor_inertia", "joint_damping"}
+        - {"contact_damping", "coupling_velocity", "contact_distance", "contact_normal", "motor_inertia", "joint_damping"}
     ),
 )
 def test_every_effect_does_something(name):
@@ -421,6 +439,7 @@ def test_every_effect_does_something(name):
     needed = {
         "contact_stiffness": {"contact_normal": [0, 1.0, 0], "contact_distance": -1.0},
         "joint_compliance": {"motor_inertia": [1e-4] * 3},
+        "friction_drift_time": {"friction_drift": [10.0] * 3},
     }.get(name, {})
     plain = {"viscous": [1e-3] * 3, "coulomb": [5e-3] * 3}
     assert (bits(plain) != bits(plain | needed | {name: amount})).any()

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from cosim.closure.replay import replay, without_hold
+from cosim.closure.replay import begun, replay, without_hold
 from cosim.errors import RunError
 from cosim.measured import Recording, Run, parse_description
 
@@ -111,6 +111,17 @@ def test_a_run_that_begins_later_has_the_drift_of_its_time():
     assert found.runs == ("run",)
     # the plant's friction is that at the run's start, the model's grows by 4 % until its end; half the friction is missing before
     assert found.after[0] < 3.0 < 10.0 < found.before[0]
+
+
+def test_drift_with_a_time_constant_goes_on_in_a_run_that_begins_later():
+    plant = {"viscous": [2.0, 1.0, 3.0], "coulomb": [0.5, 0.2, 0.0], "friction_drift": [0.03, -0.01, 0.02], "friction_drift_time": [40.0, 5.0, 0.0]}
+
+    def friction(p, t):
+        warm = [d * (T * (1 - np.exp(-t / T)) if T else t) for d, T in zip(p["friction_drift"], p["friction_drift_time"], strict=True)]
+        return [np.multiply(p[name], 1 + np.array(warm)) for name in ("viscous", "coulomb")]
+
+    for t in (0.0, 3.0, 60.0):
+        np.testing.assert_allclose(friction(begun(plant, 20.0), t), friction(plant, 20.0 + t), rtol=1e-12)
 
 
 def test_a_regressor_has_no_replay():

@@ -12,6 +12,8 @@ CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of mem
 COLLINEAR = 2e-3  # share of a column that the model does not explain already, below which it cannot be told from the model
 REFINED = 0.1  # gain from which on nonlinear parameters are refined before the evidence is weighed
 FIRST_STEP, BETWEEN, MOVES = 0.1, 0.5, 9  # of that refinement: first and largest change, trials for each parameter and one
+CLEARLY = 0.03  # share of the error left that an unphysical trial has to remove beyond the best physical one
+KNOWN = 0.1  # share of a coefficient that it may be off by where a screening asks whether it is physical
 THRIFT = 1.03  # an option with one column more has to leave this much less
 
 
@@ -61,9 +63,9 @@ def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, 
 def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...], options: list) -> Candidate:
     """The physical option with the largest gain, refined; the best unphysical one where that explains more than twice as much."""
     base, tried, first = normal.error(joints), len(options), None
-    options.sort(key=lambda option: (base - option[0]) * THRIFT ** len(option[2]))
+    options.sort(key=lambda option: (base - option[0]) * THRIFT ** len(option[2]) * effect.doubt(model.scene, option[1]))
     for gain, theta, beta in options:
-        reason = effect.unphysical(Estimate(beta, np.abs(beta) * 0.1, theta, joints, model.scene))
+        reason = _why_not(model, Choice(effect, joints, theta), beta, KNOWN)
         candidate = Candidate(Choice(effect, joints, theta), gain / base, beta, tried, reason)
         first = first or candidate
         if not reason:
@@ -72,24 +74,38 @@ def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...
     return first
 
 
+def _why_not(model: Model, choice: Choice, beta: np.ndarray, known: float) -> str:
+    """Why coefficients of a screening cannot be the effect, each taken to be known to a share; empty where they can."""
+    return choice.effect.unphysical(Estimate(beta, np.abs(beta) * known, choice.theta, choice.joints, model.scene))
+
+
 def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) -> Candidate:
-    """A promising candidate with its continuous nonlinear parameters moved to the largest gain (Nelder, Mead 1965); every trial is counted."""
+    """A promising candidate with its continuous nonlinear parameters moved to the largest gain that is physical (Nelder, Mead 1965); every
+    trial is counted. Where an unphysical one does clearly better, that is what the data say, and it is returned.
+    """
     from scipy.optimize import minimize
 
     choice = candidate.choice
     free = choice.effect.continuous(choice.theta)
     if not free:
         return candidate
-    found = {}
+    found, refused = {choice.theta: (candidate.gain * base, candidate.beta)}, {}
 
     def loss(x: np.ndarray) -> float:
         trial = evolve(choice, theta=shifted(choice, free, np.clip(x, -BETWEEN, BETWEEN)))
-        found[trial.theta] = normal.gain_of(trial) or (0.0, candidate.beta)
-        return -found[trial.theta][0]
+        gain, beta = normal.gain_of(trial) or (0.0, candidate.beta)
+        if _why_not(model, trial, beta, 0.0):
+            refused[trial.theta] = (gain, beta)
+            return 0.0
+        found[trial.theta] = (gain, beta)
+        return -gain
 
     simplex = np.vstack([np.zeros(len(free)), FIRST_STEP * np.eye(len(free))])
     result = minimize(loss, simplex[0], method="Nelder-Mead",
                       options={"initial_simplex": simplex, "maxfev": MOVES * (1 + len(free)), "xatol": 3e-3, "fatol": 1e-4 * base})  # fmt: skip
+    best = max(found, key=lambda theta: found[theta][0])
+    allowed = found[best][0] + CLEARLY * (base - found[best][0])
+    found |= {theta: trial for theta, trial in refused.items() if trial[0] > allowed}
     best = max(found, key=lambda theta: found[theta][0])
     gain, beta = found[best]
     return evolve(candidate, choice=evolve(choice, theta=best), gain=gain / base, beta=beta, tried=candidate.tried + result.nfev)

@@ -17,7 +17,7 @@ from cosim.scenario.reading import read_toml, unknown_keys
 FORMAT = 1
 KEYS = {"format", "model", "components", "parameters", "effects", "provenance"}
 ENTRY = {"name", "joints", "theta", "indistinguishable_from", "parameters"}
-WIDTHS = {"pi": 8, "coupling_viscous": 6, "coupling_coulomb": 6, "coupling_stiffness": 6, "base_tilt": 2}
+WIDTHS = {"pi": 8, "coupling_viscous": 6, "coupling_coulomb": 6, "coupling_velocity": 6, "coupling_stiffness": 6, "base_tilt": 2}
 _INDEXED = re.compile(r"(\w+)\[(\d+)\]$")
 STEPS = 2, 1000  # internal steps of the drives: unless set, and at most
 Values = dict[str, float | list[float]]

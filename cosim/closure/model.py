@@ -268,23 +268,6 @@ def _best_laws(model: Model) -> Model:
     return model
 
 
-def in_form(model: Model) -> Model:
-    """The model fitted again with the friction law of the FMU, the algebraic one, where it was a tanh, at the width that fits best.
-
-    An atan, whose tail reaches over all speeds, is taken with its own width: no other does better in the replay of EMPS.
-    """
-    from scipy.optimize import minimize_scalar
-
-    for j, law in enumerate(model.laws):
-        if law.form == "tanh":
-            middle = np.log(law.width)
-            error = lambda x, j=j: _law_error(model, j, Law("algebraic", float(np.exp(x))))
-            best = minimize_scalar(error, bounds=(middle - 2, middle + 2), method="bounded", options={"xatol": 0.01}).x
-            laws_now = (*model.laws[:j], Law("algebraic", float(np.exp(best))), *model.laws[j + 1 :])
-            model = with_choices(evolve_model(model, laws=laws_now), model.choices)
-    return model
-
-
 def _law_error(model: Model, joint: int, law: Law) -> float:
     if (joint, law) not in model._cache:
         model._cache[joint, law] = model.setting.sign(joint, law)

@@ -114,9 +114,14 @@ def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, obj
 
 
 def begun(parameters: Mapping[str, object], start: float) -> dict[str, object]:
-    """Parameters of a run that begins `start` seconds into the recording: f (1 + d (start + t)) = f' (1 + d' t)."""
-    drift = np.asarray(parameters.get("friction_drift", 0.0), float)
-    grown = 1 + drift * start
+    """Parameters of a run that begins `start` seconds into the recording: f (1 + d (start + t)) = f' (1 + d' t).
+
+    With a time constant T: f (1 + d T (1 - exp(-(start + t)/T))) = f' (1 + d' T (1 - exp(-t/T))), d' = d exp(-start/T) f / f'.
+    """
+    drift, constant = (np.asarray(parameters.get(name, 0.0), float) for name in ("friction_drift", "friction_drift_time"))
+    finite = np.where(constant > 0, constant, 1.0)
+    grown = 1 + drift * np.where(constant > 0, -finite * np.expm1(-start / finite), start)
+    drift = drift * np.where(constant > 0, np.exp(-start / finite), 1.0)
     changed = {name: np.asarray(parameters[name], float) * grown for name in ("viscous", "coulomb") if name in parameters}
     changed |= {"friction_drift": drift / grown}
     return {**parameters, **{name: value.tolist() for name, value in changed.items()}} if drift.any() else dict(parameters)

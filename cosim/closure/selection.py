@@ -5,15 +5,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.candidates import Candidate, screen, shifted
+from cosim.closure.candidates import BETWEEN, Candidate, screen, shifted
 from cosim.closure.evidence import Evidence, relative_error, weigh
-from cosim.closure.model import Choice, Model, evolve_model, settled, train_error, with_choices
-from cosim.effects import Effect
+from cosim.closure.model import Choice, Model, evolve_model, filtered, settled, spread, train_error, with_choices
+from cosim.effects import Effect, Estimate
 
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
 NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
+PLAIN = 0.97  # of the error that an unphysical step may leave at most to be taken: the data ask for it
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
+DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
+TANGENT = 0.02  # step of the central differences in nonlinear parameters
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 
@@ -184,7 +187,50 @@ def _polished(model: Model) -> Model:
     for number, choice in enumerate(choices):
         if choice.effect.continuous(choice.theta) and len(choice.joints) == 1 and choice.effect.sharp:
             model = _together(model, number)
+        elif choice.effect.continuous(choice.theta) and len(choice.joints) > 1 and not choice.effect.late:
+            model = _descended(model, number)
     return model
+
+
+def _descended(model: Model, number: int) -> Model:
+    """The model with an effect's nonlinear parameters moved all at once (Gauss, Newton): those of a wall turn and shift it together."""
+    choice = model.choices[number]
+    free, error = choice.effect.continuous(choice.theta), train_error(model)
+    for _ in range(DESCENTS):
+        steps = np.clip(_newton_steps(model, number, free), -BETWEEN, BETWEEN)
+        for share in (1.0, 0.5, 0.25):
+            moved = evolve(choice, theta=shifted(choice, free, share * steps))
+            trial = with_choices(model, tuple(moved if k == number else c for k, c in enumerate(model.choices)), passes=0)
+            if train_error(trial) < error:
+                break
+        else:
+            return model
+        done = train_error(trial) > (1 - DESCENDED) * error
+        model, choice, error = trial, moved, train_error(trial)
+        if done:
+            return model
+    return model
+
+
+def _newton_steps(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
+    """Steps of the free nonlinear parameters that the model, linearised in them, fits best with."""
+    slopes = np.concatenate([column for column, _ in tangents(model, number, free)], axis=2)
+    train = ~model.setting.rows.test
+    x = np.concatenate((model.design, slopes), axis=2)[:, train].reshape(-1, model.design.shape[2] + len(free))
+    size = np.linalg.norm(x, axis=0)
+    scale = np.where(size > 1e-9 * size.max(), 1 / np.maximum(size, 1e-300), 0.0)
+    return (np.linalg.lstsq(x * scale, model.y[:, train].ravel(), rcond=1e-8)[0] * scale)[-len(free) :]
+
+
+def tangents(model: Model, number: int, free: tuple[int, ...]) -> list[tuple[np.ndarray, float]]:
+    """For each free nonlinear parameter of an effect the weighted column (J, m, 1) of a step of it, and the change of its value by a step."""
+    choice, scene, beta, out = model.choices[number], model.seen or model.scene, model.fit.beta[model.coefficients(number)], []
+    for index in free:
+        ahead, behind = (choice.effect.moved(choice.theta, index, s) for s in (TANGENT, -TANGENT))
+        a, b = (filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, th)) for th in (ahead, behind))
+        slope = {j: ((a[j] - b[j]) @ beta / (2 * TANGENT))[:, None] for j in a}
+        out.append((spread(slope, model.setting) * model.scale, (ahead[index] - behind[index]) / (2 * TANGENT)))
+    return out
 
 
 def _together(model: Model, number: int) -> Model:
@@ -211,7 +257,7 @@ def _together(model: Model, number: int) -> Model:
 
 
 def _refined(model: Model, number: int) -> Choice:
-    """The choice with its continuous nonlinear parameter moved to the least error of the fitted rows."""
+    """The choice with its continuous nonlinear parameters moved to the least error of the fitted rows, within what is physical unless that costs clearly more."""
     choice = model.choices[number]
     free = choice.effect.continuous(choice.theta)
     for index in free:
@@ -220,18 +266,26 @@ def _refined(model: Model, number: int) -> Choice:
 
 
 def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choice:
-    def error(theta: tuple[float, ...]) -> float:
-        others = (*model.choices[:number], evolve(choice, theta=theta), *model.choices[number + 1 :])
-        return float(relative_error(with_choices(model, others, passes=0))[0].sum())
+    def tried(theta: tuple[float, ...]) -> Model:
+        return with_choices(model, tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices)), passes=0)
 
-    best, value = choice.theta, error(choice.theta)
+    def error(trial: Model) -> float:
+        return float(relative_error(trial)[0].sum())
+
+    def physical(trial: Model) -> bool:
+        part = trial.coefficients(number)
+        return not choice.effect.unphysical(Estimate(trial.fit.beta[part], trial.fit.std[part], trial.choices[number].theta, choice.joints, model.scene))
+
+    start = tried(choice.theta)
+    best, value, held = choice.theta, error(start), physical(start)
     for step in (0.25, 0.12, 0.06, 0.03, 0.015):
         for sign in (1, -1):
             for _ in range(4):
-                trial = choice.effect.moved(best, index, sign * step)
-                if (new := error(trial)) >= value:
+                theta = choice.effect.moved(best, index, sign * step)
+                trial = tried(theta)
+                if (new := error(trial)) >= value or held and new > PLAIN * value and not physical(trial):
                     break
-                best, value = trial, new
+                best, value = theta, new
     return evolve(choice, theta=best)
 
 

@@ -10,8 +10,8 @@ from cosim.closure.aliases import LISTED, Rival, indistinguishable, rivals
 from cosim.closure.candidates import Candidate
 from cosim.closure.dependence import Leftover, corrected, in_place, leftovers
 from cosim.closure.evidence import Evidence, standard_errors, weigh
-from cosim.closure.model import Model, with_choices
-from cosim.closure.selection import Progress, Rule, Selection, polished
+from cosim.closure.model import Model, evolve_model, with_choices
+from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
 from cosim.effects import Effect, Estimate
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
@@ -19,6 +19,7 @@ MOST = 2 / 3  # of it suffices where every name stands beside the nameless funct
 STEADY = 1.5  # factor by which a coefficient may change beside it
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
+SKEW = 0.3  # samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs; a wall of k [N/m] takes d [s] of it for a damping of k d
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
 
@@ -211,6 +212,8 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
     t = _quantile(model)
     std = np.hypot(std, choice.effect.form * (np.linalg.norm(beta) if choice.effect.amplitude else np.abs(beta)))
+    if not choice.effect.late:
+        std = np.hypot(std, _by_skew(model)[part])
     for index in free:
         change = choice.effect.moved(choice.theta, index, choice.effect.form)[index] - choice.theta[index]
         theta_std[index] = np.hypot(theta_std[index], change)
@@ -233,6 +236,12 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
     return values, {name: (low[name] - slack, high[name]) for name in values}
 
 
+def _by_skew(model: Model) -> np.ndarray:
+    """Standard deviation (p,) of the coefficients by that of the sampling skew, which is chosen among three values; lag and delay have it themselves."""
+    step = SKEW * model.setting.motion.sample
+    return np.abs(evolve_model(model, skew=model.skew + step).fit.beta - model.fit.beta)
+
+
 def _quantile(model: Model) -> float:
     from scipy.stats import t
 
@@ -244,16 +253,9 @@ def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarr
     friction law of the effect's joint.
     """
     from cosim.closure.gram import accumulate, fit
-    from cosim.closure.model import filtered, spread
 
     choice, part, rows = model.choices[number], model.coefficients(number), model.setting.rows
-    scene, extra = model.seen or model.scene, []
-    for index in free:
-        ahead, behind = (choice.effect.moved(choice.theta, index, s) for s in (0.02, -0.02))
-        width = (ahead[index] - behind[index]) or 1e12  # a parameter that cannot move adds nothing
-        a, b = (filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, th)) for th in (ahead, behind))
-        slope = {j: (a[j] - b[j]) @ model.fit.beta[part] / width for j in a}
-        extra.append(spread({j: v[:, None] for j, v in slope.items()}, model.setting) * model.scale)
+    extra = [column / (change or 1e12) for column, change in tangents(model, number, free)]  # a parameter that cannot move adds nothing
     count = len(extra)
     extra += [_width_tangent(model, j) for j in choice.joints if choice.effect.sharp and model.laws[j].width > 0]
     design = np.concatenate((model.design, *extra), axis=2)

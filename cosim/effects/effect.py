@@ -133,6 +133,10 @@ class Effect(ABC):
         """theta of a form with one nonlinear parameter more, to be taken where it leaves much less; None where there is none."""
         return None
 
+    def doubt(self, scene: Scene, theta: Theta) -> float:
+        """Factor on the squared error with which values of the grid compete that need better evidence than the others; 1 for those."""
+        return 1.0
+
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
         return (*theta[:index], theta[index] * (1 + step), *theta[index + 1 :])

@@ -19,11 +19,17 @@ def _tip(motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 DAMPED = 0.15  # of a wall's spring force: a damping below that is not told from none, whatever its sign
+LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
+UNUSUAL = 1.1  # times the squared error of another time constant than the usual one: by as much it may do better by chance
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
 class FrictionDrift(Effect):
-    """Friction that changes over the recording, as by warming up."""
+    """Friction that changes over the recording, as by warming up; theta = (time constant T [s],).
+
+    A half of a recording hardly tells T, and what it says of it goes astray on the other half. T is the recording's length, between a
+    drift that goes on as it began and one that is over, unless another leaves clearly less.
+    """
 
     name = "friction_drift"
     of_time = True
@@ -31,6 +37,7 @@ class FrictionDrift(Effect):
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
+    form = 0.12  # of the first slope: T half or twice as long changes it by a quarter either way where the growth is the same
     aliases = ()
     needs = "repeats of the same motion at different times"
 
@@ -39,8 +46,10 @@ class FrictionDrift(Effect):
         return "" if np.ptp(train) >= 8.0 else "less than eight seconds of fitted recording"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        span = float(np.ptp(scene.motion.time))
-        return ((1e3 * span,), (0.5 * span,), (0.2 * span,), (0.08 * span,))
+        return tuple((float(share * np.ptp(scene.motion.time)),) for share in (1.0, LASTING, 2.0, 0.5, 0.2, 0.08))
+
+    def doubt(self, scene: Scene, theta: Theta) -> float:
+        return 1.0 if np.isclose(theta[0], np.ptp(scene.motion.time)) else UNUSUAL
 
     def columns(self, scene, joints, theta):
         m, j = scene.motion, joints[0]
@@ -52,9 +61,10 @@ class FrictionDrift(Effect):
         return (per_joint("friction_drift", joints),)
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
-        span = float(np.ptp(estimate.scene.motion.time))
-        mean = estimate.theta[0] / span * -np.expm1(-span / estimate.theta[0])
-        return {per_joint("friction_drift", estimate.joints): float(estimate.beta[0] * mean)}
+        slope = {per_joint("friction_drift", estimate.joints): float(estimate.beta[0])}
+        if estimate.theta[0] > 0.1 * LASTING * np.ptp(estimate.scene.motion.time):
+            return slope
+        return slope | {per_joint("friction_drift_time", estimate.joints): estimate.theta[0]}
 
     def unphysical(self, estimate: Estimate) -> str:
         span, constant = np.ptp(estimate.scene.motion.time), estimate.theta[0]
@@ -63,11 +73,15 @@ class FrictionDrift(Effect):
 
 
 class ExternalContact(Effect):
-    """The tip touches something that was not declared: a wall of stiffness k."""
+    """The tip touches something that was not declared: a wall of stiffness k; theta = (normal n, distance d [m], lead [s]).
+
+    Linear in k and c where the wall pushes, which it does while n.x - d and n.x - d + lead n.dx > 0: lead is c / k where it fits best.
+    """
 
     name = "external_contact"
+    form = 0.01  # on rigs without noise both parameters are within half of that; a wall has little in common with the law of friction
     title = "undeclared contact of the tip"
-    equation = "tau += J^T n (k max(n.x - d, 0) + c n.dx while it touches), k > 0"
+    equation = "tau += J^T n max(k (n.x - d) + c n.dx, 0) where n.x > d, k > 0"
     source = "unilateral spring"
     unit = "N/m"
     aliases = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
@@ -84,26 +98,28 @@ class ExternalContact(Effect):
         for n in normals:
             shares = (60, 80, 88, 92, 95, 97, 98.5, 99.4) if np.abs(n).max() > 0.9 else (65, 85, 96)
             for d in np.percentile(x[::10] @ n, shares):
-                out.append((*map(float, n), float(d)))
+                out.append((*map(float, n), float(d), 0.0))
         return tuple(out)
 
     def continuous(self, theta):
-        return (0, 1, 2, 3)
+        return (0, 1, 2, 3, 4)
 
     def moved(self, theta, index, step):
         n = np.array(theta[:3])
         if index == 3:
-            return (*theta[:3], theta[3] + 0.04 * step)
+            return (*theta[:3], theta[3] + 0.04 * step, theta[4])
+        if index == 4:
+            return (*theta[:4], max(theta[4] + 0.04 * step, 0.0))
         n[index] += step
-        return (*map(float, n / max(np.linalg.norm(n), 1e-9)), theta[3])
+        return (*map(float, n / max(np.linalg.norm(n), 1e-9)), *theta[3:])
 
     def columns(self, scene, joints, theta):
         x, jacobian = _tip(scene.motion)
-        n, d = np.array(theta[:3]), theta[3]
+        n, d, ahead = np.array(theta[:3]), theta[3], theta[4]
         arm = n @ jacobian
         depth, speed = x @ n - d, np.einsum("nj,nj->n", arm, scene.motion.dq)
-        columns = np.stack((np.maximum(depth, 0.0), np.where(depth > 0, speed, 0.0)), axis=1)
-        return {j: arm[:, [j]] * columns for j in range(3)}
+        pushes = (depth > 0) & (depth + ahead * speed > 0)
+        return {j: arm[:, [j]] * np.where(pushes, (depth, speed), 0.0).T for j in range(3)}
 
     def _damped(self, estimate: Estimate) -> float:
         """Size of the force of damping beside that of the spring."""
@@ -131,28 +147,39 @@ class ExternalContact(Effect):
 
 
 class JointCoupling(Effect):
-    """A torque on one joint from the motion of another."""
+    """A torque on one joint from the motion of another; theta = (joint, shape, speed v over which the Coulomb part turns).
+
+    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own: what couples the joints need not turn with the other joint's own friction,
+    whose law is fitted without the rows near its reversals.
+    """
 
     name = "joint_coupling"
+    form = 0.005  # the joint's own law of friction has little in common with the speed of another joint
     title = "coupling from another joint"
     equation = "tau_i += b dq_j + c s(dq_j), or k q_j"
     source = "cable routing, coupled wrist drives"
     aliases = ()
     needs = "the other joint's motion"
     SHAPES = ("viscous", "coulomb", "both", "spring")
+    WIDTHS = (0.003, 0.02, 0.1)  # of the other joint's top speed, over which the coupled Coulomb friction turns, to start from
     SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded signal may follow
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         if scene.joints == 1:
             return tuple((-1.0 - k, float(v)) for k in range(len(_speeds(scene))) for v in range(len(self.SHARED)))
         others = [j for j in range(scene.joints) if j != joints[0]]
-        return tuple((float(j), float(k)) for j in others for k in range(len(self.SHAPES)))
+        shapes = [(k, w) for k, name in enumerate(self.SHAPES) for w in (self.WIDTHS if name in ("coulomb", "both") else (0.0,))]
+        return tuple((float(j), float(k), w * scene.speed_range(j)[1]) for j in others for k, w in shapes)
+
+    def continuous(self, theta):
+        return (2,) if theta[0] >= 0 and theta[2] > 0 else ()
 
     def columns(self, scene, joints, theta):
         if theta[0] < 0:
             return {joints[0]: self._beside(scene, int(-theta[0] - 1), self.SHARED[int(theta[1])])}
         j, shape = int(theta[0]), self.SHAPES[int(theta[1])]
-        dq, s, q = scene.motion.dq[:, [j]], scene.sign[:, [j]], scene.motion.q[:, [j]]
+        dq, q = scene.motion.dq[:, [j]], scene.motion.q[:, [j]]
+        s = dq / np.sqrt(dq**2 + max(theta[2], 1e-12) ** 2)
         parts = {"viscous": (dq,), "coulomb": (s,), "both": (dq, s), "spring": (q,)}[shape]
         return {joints[0]: np.concatenate(parts, axis=1)}
 
@@ -177,7 +204,11 @@ class JointCoupling(Effect):
         return tuple(f"coupling_{n}[{k}]" for n in names)
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
-        return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
+        joints, theta = estimate.joints, estimate.theta
+        values = dict(zip(self.labels(joints, theta), map(float, estimate.beta), strict=True))
+        if self.continuous(theta):
+            values[f"coupling_velocity[{PAIRS.index((joints[0], int(theta[0]))) + 1}]"] = theta[2]
+        return values
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         return "" if self.grid(scene, joints) else "no speed of another joint recorded"

@@ -46,7 +46,10 @@ static double delivered(Model *m, const Joint *j) {
 static double coupling(const Model *m, const Joint *j) {
     double torque = 0;
     if (m->coupling_viscous != 0) torque += m->coupling_viscous * m->dq_other;
-    if (m->coupling_coulomb != 0) torque += m->coupling_coulomb * joint_sign(j, m->dq_other);
+    if (m->coupling_coulomb != 0) {
+        const double v = m->coupling_velocity, dq = m->dq_other;
+        torque += m->coupling_coulomb * (v > 0 ? dq / sqrt(dq * dq + v * v) : joint_sign(j, dq));
+    }
     if (m->coupling_stiffness != 0) torque += m->coupling_stiffness * m->q_other;
     return torque;
 }

@@ -122,7 +122,11 @@ static void add_coupling(const Model *m, const double q[3], const double dq[3], 
     for (int k = 0; k < 6; k++) {
         const int i = coupled[k][0], j = coupled[k][1];
         if (m->coupling_viscous[k] != 0) torque[i] += m->coupling_viscous[k] * dq[j];
-        if (m->coupling_coulomb[k] != 0) torque[i] += m->coupling_coulomb[k] * arm_sign(dq[j], m->coulomb_velocity[j]);
+        if (m->coupling_coulomb[k] != 0) {
+            const Joint other = joint_of(m, j);
+            const double v = m->coupling_velocity[k], s = v > 0 ? arm_sign(dq[j], v) : joint_sign(&other, dq[j]);
+            torque[i] += m->coupling_coulomb[k] * s;
+        }
         if (m->coupling_stiffness[k] != 0) torque[i] += m->coupling_stiffness[k] * q[j];
     }
 }

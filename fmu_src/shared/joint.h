@@ -11,16 +11,18 @@
 #include "elementary.h"
 #include "ring.h"
 
+#define COULOMB_ALGEBRAIC 0.0 /* values of coulomb_form */
+#define COULOMB_TANH 1.0
 #define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
 
 /* clang-format off */
 #define JOINT_PARAMETERS(F) \
-    F(viscous) F(coulomb) F(coulomb_velocity) F(stribeck) F(stribeck_velocity) F(stribeck_exponent) \
+    F(viscous) F(coulomb) F(coulomb_velocity) F(coulomb_form) F(stribeck) F(stribeck_velocity) F(stribeck_exponent) \
     F(coulomb_asymmetry) F(viscous_asymmetry) F(torque_offset) F(load_friction) F(position_friction_sin) \
     F(position_friction_cos) F(position_torque) F(position_torque_quadratic) F(position_torque_cubic) \
     F(position_torque_sin) F(position_torque_cos) F(ripple_sin) F(ripple_cos) F(ripple_order) F(hysteresis) \
-    F(hysteresis_length) F(hysteresis_exponent) F(quadratic_drag) F(friction_drift) F(torque_gain) F(torque_deadband) \
-    F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
+    F(hysteresis_length) F(hysteresis_exponent) F(quadratic_drag) F(friction_drift) F(friction_drift_time) F(torque_gain) \
+    F(torque_deadband) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
     F(encoder_resolution) F(encoder_offset)
 /* clang-format on */
 
@@ -40,15 +42,21 @@ static inline void joint_complete(Joint *j, double inertia) {
     if (!(j->joint_damping > 0)) j->joint_damping = 2 * 0.3 * 500.0 * j->motor_inertia;
 }
 
-/* s(dq) = dq / sqrt(dq^2 + v^2) */
+/* s(dq), the smooth sign of the friction law: by coulomb_form dq / sqrt(dq^2 + v^2) or tanh(dq / v).
+ * tanh x = (1 - e) / (1 + e), e = exp(-2 x), x >= 0: within 2e-16 of it, which is what counts beside a Coulomb level. */
 static inline double joint_sign(const Joint *j, double dq) {
-    return dq / sqrt(dq * dq + j->coulomb_velocity * j->coulomb_velocity);
+    const double v = j->coulomb_velocity;
+    if (j->coulomb_form == COULOMB_TANH) {
+        const double e = exp_real(-2 * fabs(dq) / v), s = (1 - e) / (1 + e);
+        return dq < 0 ? -s : s;
+    }
+    return dq / sqrt(dq * dq + v * v);
 }
 
-/* True where friction is viscous and Coulomb only and the actuator and encoder are ideal. */
+/* True where friction is viscous and algebraic Coulomb only and the actuator and encoder are ideal. */
 static inline int joint_is_plain(const Joint *j) {
-    return j->stribeck == 0 && j->coulomb_asymmetry == 0 && j->viscous_asymmetry == 0 && j->torque_offset == 0 &&
-           j->load_friction == 0 && j->position_friction_sin == 0 && j->position_friction_cos == 0 &&
+    return j->coulomb_form == COULOMB_ALGEBRAIC && j->stribeck == 0 && j->coulomb_asymmetry == 0 &&
+           j->viscous_asymmetry == 0 && j->torque_offset == 0 && j->load_friction == 0 && j->position_friction_sin == 0 && j->position_friction_cos == 0 &&
            j->position_torque == 0 && j->position_torque_quadratic == 0 && j->position_torque_cubic == 0 &&
            j->position_torque_sin == 0 && j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0 &&
            j->hysteresis == 0 && j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 &&
@@ -63,11 +71,17 @@ static inline double joint_basic_friction(const Joint *j, double dq) {
     return torque;
 }
 
+/* What viscous and Coulomb friction are multiplied by at time t: 1 + d T (1 - exp(-t / T)), or 1 + d t where no T is given. */
+static inline double joint_drift(const Joint *j, double t) {
+    const double constant = j->friction_drift_time;
+    return 1 + j->friction_drift * (constant > 0 ? constant * (1 - exp_real(-t / constant)) : t);
+}
+
 /* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: Dahl's state. */
 static inline double joint_required(const Joint *j, double q, double dq, double z, double tau_motor, double t) {
     const double s = joint_sign(j, dq), speed = fabs(dq);
     double torque = joint_basic_friction(j, dq), sine = 0, cosine = 0;
-    if (j->friction_drift != 0) torque *= 1 + j->friction_drift * t;
+    if (j->friction_drift != 0) torque *= joint_drift(j, t);
     if (j->stribeck != 0) {
         const double u = speed / j->stribeck_velocity;
         torque += j->stribeck * exp_real(j->stribeck_exponent == 2 ? -(u * u) : -u) * s;
@@ -154,9 +168,15 @@ static inline const char *joint_remember(Ring *ring, const double *record, doubl
 
 /* Parameters of one joint that the table's ranges do not say: NULL, or what is wrong. */
 static inline const char *joint_check(const Joint *j, int number, char *text, size_t size) {
-    if (j->stribeck_exponent == 1 || j->stribeck_exponent == 2) return NULL;
-    (void)snprintf(text, size, "stribeck_exponent[%d] = %g is neither 1 nor 2", number, j->stribeck_exponent);
-    return text;
+    if (!(j->stribeck_exponent == 1 || j->stribeck_exponent == 2)) {
+        (void)snprintf(text, size, "stribeck_exponent[%d] = %g is neither 1 nor 2", number, j->stribeck_exponent);
+        return text;
+    }
+    if (!(j->coulomb_form == COULOMB_ALGEBRAIC || j->coulomb_form == COULOMB_TANH)) {
+        (void)snprintf(text, size, "coulomb_form[%d] = %g is neither 0 (algebraic) nor 1 (tanh)", number, j->coulomb_form);
+        return text;
+    }
+    return NULL;
 }
 
 /* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do.

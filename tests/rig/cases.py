@@ -135,6 +135,7 @@ def true_parameters(case):
                           "ripple_order" + at: order},
         "position_friction": {"position_friction_sin" + at: level * np.sin(p.friction_phase[joint]),
                               "position_friction_cos" + at: level * np.cos(p.friction_phase[joint])},
+        "friction_drift": {"friction_drift" + at: p.warm_up[joint] / p.warm_time},
         "payload": {"payload": p.payload},
         "base_tilt": {"base_tilt[1]": p.tilt[0], "base_tilt[2]": p.tilt[1]},
         "external_contact": {"contact_stiffness": p.wall_stiffness, "contact_damping": p.wall_damping},

@@ -1,0 +1,94 @@
+"""Parameters of effects from closed forms along a prescribed motion: no plant is simulated, and the equations are written here."""
+
+import arm_oracle as oracle
+import numpy as np
+import pytest
+
+from cosim.closure.candidates import Normal, screened
+from cosim.closure.errors import torque_error
+from cosim.closure.model import complete, with_choices
+from cosim.closure.motion import prepare, thinned
+from cosim.closure.selection import polished
+from cosim.closure.setting import pose
+from cosim.closure.verdict import intervals
+from cosim.effects import BUILT_IN, Estimate
+from cosim.measured import Description, Recording, Run
+
+SEED = 1
+RATES = np.array(((0.7, 1.9, 3.1, 4.3), (0.9, 1.6, 2.9, 4.7), (0.8, 2.1, 3.4, 4.1)))
+COULOMB, VISCOUS = np.array((0.025, 0.009, 0.009)), np.array((2e-3, 1.5e-3, 1e-3))
+COUPLED, TURNS = (1e-3, 2e-3), 0.01  # N.m.s/rad and N.m on joint 1 from joint 2, and the speed over which that turns
+STIFFNESS, DAMPING, PLACE = 5.0, 0.05, 0.07  # N/m, N.s/m, m
+DEAD = 1.8e-3  # N.m
+SLOPE, CONSTANT = 0.02, 30.0  # 1/s, s: T the length of the recording, as the tool takes it
+
+
+def motion(time):
+    """q, dq, ddq (n, 3) of sums of sines."""
+    size = np.array((0.3, 0.18, 0.18))[:, None] / np.arange(1, 5) ** 0.5
+    phase = np.arange(12.0).reshape(3, 4) ** 2
+    at = time[:, None, None] * RATES + phase
+    q = (size * np.sin(at)).sum(axis=2) + np.array((0.0, 0.25, 0.35))
+    return q, (size * RATES * np.cos(at)).sum(axis=2), -(size * RATES**2 * np.sin(at)).sum(axis=2)
+
+
+def friction(dq):
+    return VISCOUS * dq + COULOMB * np.tanh(dq / 0.05)
+
+
+def coupling(time, q, dq, tau):
+    return np.outer(COUPLED[0] * dq[:, 1] + COUPLED[1] * np.tanh(dq[:, 1] / TURNS), (1.0, 0.0, 0.0))
+
+
+def wall(time, q, dq, tau):
+    """J' n max(k d + c dd/dt, 0) of a wall before z = PLACE."""
+    along = np.array([oracle.jacobian(x)[2] for x in q])
+    depth, speed = np.array([oracle.position(x)[2] for x in q]) - PLACE, (along * dq).sum(axis=1)
+    return along * np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * speed, 0.0), 0.0)[:, None]
+
+
+def warming(time, q, dq, tau):
+    return friction(dq) * (1, 0, 0) * SLOPE * CONSTANT * (1 - np.exp(-time / CONSTANT))[:, None]
+
+
+def dead(time, q, dq, tau):
+    """u - p of a command u with u - clip(u, -d, d) = p."""
+    return np.sign(tau) * DEAD * (0, 0, 1)
+
+
+def recorded(effect, seconds=30.0):
+    time = np.arange(0, seconds, 1e-3)
+    q, dq, ddq = motion(time)
+    rigid = np.array([oracle.mass(x) @ a + oracle.bias(x, v) for x, v, a in zip(q, dq, ddq, strict=True)])
+    tau = rigid + friction(dq)
+    tau = tau + effect(time, q, dq, tau) + 1e-3 * np.random.default_rng(1).standard_normal(tau.shape)
+    return Recording(Description(), (Run("prescribed", time, q, tau, time >= seconds / 2),))
+
+
+CASES = {
+    "joint_coupling": (coupling, (0,), {"coupling_viscous[1]": COUPLED[0], "coupling_coulomb[1]": COUPLED[1]}),
+    "external_contact": (wall, (0, 1, 2), {"contact_stiffness": STIFFNESS, "contact_damping": DAMPING, "contact_normal[3]": 1.0}),
+    "friction_drift": (warming, (0,), {"friction_drift[1]": SLOPE, "friction_drift_time[1]": CONSTANT}),
+    "torque_deadband": (dead, (2,), {"torque_deadband[3]": DEAD}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_parameters_are_in_their_intervals(name):
+    make, joints, truth = CASES[name]
+    recording = recorded(make)
+    rows = prepare(recording)
+    before = complete(pose(recording, rows, thinned(rows)))
+    effect = next(e for e in BUILT_IN if e.name == name)
+    candidate = screened(before, Normal(before), effect, joints)
+    assert not candidate.reason
+    after = polished(with_choices(before, (candidate.choice,)))
+    choice, part = after.choices[0], after.coefficients(0)
+    assert not effect.unphysical(Estimate(after.fit.beta[part], after.fit.std[part], choice.theta, joints, after.scene))
+    values, interval = intervals(after, 0)
+    for parameter, true in truth.items():
+        low, high = interval[parameter]
+        assert low - 1e-3 * abs(true) <= true <= high + 1e-3 * abs(true), (parameter, values[parameter], interval[parameter])
+        assert high - low < 0.6 * true, parameter  # the interval says something; a drift's slope is known to a quarter either way
+    error = torque_error(before, after)
+    assert error.after[joints[0]] < 0.5 * error.before[joints[0]]

@@ -21,7 +21,7 @@ def ddq(parameters: dict, q, dq, t: float = 0.0, z=(0, 0, 0)) -> np.ndarray:
     m = CompiledModel("PhantomArm", **parameters).start()
     m["q_link"] = m["q_motor"] = q
     m["dq_link"] = m["dq_motor"] = dq
-    m["z"], m["tau"] = z, TAU
+    m["z"], m["z_short"], m["z_long"], m["tau"] = z, -np.asarray(z), 0.5 * np.asarray(z), TAU
     m.rates(t)
     return m["ddq"]
 
@@ -69,6 +69,10 @@ REQUIRED = {  # parameters, required torque of (q, dq, t, z)
         lambda q, v, t, z: A * np.sin([12, 7.5, 40] * q) + B * np.cos([12, 7.5, 40] * q),
     ),
     "hysteresis": ({"hysteresis": A}, lambda q, v, t, z: A * z),
+    "hysteresis, elements": (
+        {"hysteresis": A, "hysteresis_ratio": [2.0, 3.0, 4.0], "hysteresis_tilt": [0.2, -0.4, 1.0]},
+        lambda q, v, t, z: A * (-np.array([0.8, 1.4, 0]) + 1 + 0.5 * np.array([1.2, 0.6, 2])) / 3 * z,
+    ),
     "quadratic_drag": ({"quadratic_drag": A}, lambda q, v, t, z: A * v * np.abs(v)),
     "friction_drift": (
         {"viscous": A, "coulomb": B, "friction_drift": C},
@@ -369,6 +373,8 @@ COMPANIONS = {
     "hysteresis_exponent": 0.5,
     "friction_drift_time": 5.0,
     "coupling_velocity": 0.3,
+    "hysteresis_ratio": 2.0,
+    "hysteresis_tilt": 0.5,
     "contact_distance": -5.0,
     "motor_inertia": 1e-4,
     "joint_damping": 0.1,
@@ -391,7 +397,7 @@ def test_an_absent_effect_changes_no_bit():
     assert (bits(plain) == bits(plain | {"torque_saturation": [1e9] * 3})).all()
     for name, value in COMPANIONS.items():
         assert (bits(plain) == bits(plain | {name: value})).all(), name
-        if name not in RICH and name not in ("stribeck_velocity", "hysteresis_length", "hysteresis_exponent"):
+        if name not in RICH and name not in ("stribeck_velocity", "hysteresis_length", "hysteresis_exponent", "hysteresis_ratio"):
             assert (bits(RICH) == bits(RICH | {name: value})).all(), name
 
 
@@ -426,6 +432,7 @@ def test_every_effect_of_the_contract_is_there_and_zero():
     sorted(
         set(effect_parameters())
         - {"contact_damping", "coupling_velocity", "contact_distance", "contact_normal", "motor_inertia", "joint_damping"}
+        - {"hysteresis_ratio", "hysteresis_tilt"}
     ),
 )
 def test_every_effect_does_something(name):

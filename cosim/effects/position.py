@@ -1,5 +1,7 @@
 """Effects of the angle of a joint: friction that varies with it, springs and cables, ripple, hysteresis."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
@@ -126,50 +128,68 @@ class TorqueRipple(Effect):
 
 
 class Hysteresis(Effect):
-    """Friction that builds up over a distance after a reversal: presliding, cable, gear (Dahl)."""
+    """Friction that builds up over a distance after a reversal: presliding, cable, gear.
+
+    z is Dahl's state, or three elasto-plastic elements in parallel, z = sum w_k z_k, w = (1 - tilt, 1, 1 + tilt)/3, that yield
+    over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech. 33(4); Maxwell slip).
+    theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
+    """
 
     name = "hysteresis"
     title = "hysteresis (presliding, cable)"
-    equation = "tau += h z, dz/dt = dq (1 - z sgn(dq))^n / length, h > 0"
-    source = "Dahl 1968, TOR-158(3107-18)"
+    equation = "tau += h z, dz/dt = dq (1 - z sgn(dq)) / length, or z = sum w_k z_k of elasto-plastic elements, h > 0"
+    source = "Dahl 1968, TOR-158(3107-18); Iwan 1966, J. Appl. Mech. 33(4); Al-Bender, Lampaert, Swevers 2005"
     aliases = (
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
     )
     relatives = ("joint_elasticity", "backlash")
-    SHARPEST, FIRST = 0.5, 0.75  # exponents: least (towards 0, elasto-plastic, long lengths become springs), first other than 1
+    FIRST, RATIOS = (2.0, 0.2), (1.2, 8.0)  # ratio and tilt at which the search begins, least and largest ratio
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        return tuple((float(x), 1.0) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
+        return tuple((float(x), 0.0, 0.0) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
 
     def continuous(self, theta):
-        return (0,) if theta[1] == 1 else (0, 1)
+        return (0, 1, 2) if theta[1] else (0,)
 
     def richer(self, theta):
-        return (theta[0], self.FIRST) if theta[1] == 1 else None
+        return None if theta[1] else (theta[0], *self.FIRST)
 
     def moved(self, theta, index, step):
-        length, exponent = super().moved(theta, 0, step) if index == 0 else (theta[0], theta[1] + step)
-        return (length, float(np.clip(exponent, self.SHARPEST, 1.0)))
+        length, ratio, tilt = super().moved(theta, index, step) if index < 2 else (*theta[:2], theta[2] + step)
+        if not ratio:
+            return (length, 0.0, 0.0)
+        return (length, float(np.clip(ratio, *self.RATIOS)), float(np.clip(tilt, -1.0, 1.0)))
 
     def columns(self, scene, joints, theta):
-        return {joints[0]: dahl(scene.motion, joints[0], *theta)[:, None]}
+        length, ratio, _ = theta
+        state = elements(scene.motion, joints[0], *theta) if ratio else dahl(scene.motion, joints[0], length)
+        return {joints[0]: state[:, None]}
 
     def labels(self, joints, theta):
         return (per_joint("hysteresis", joints),)
 
     def theta_labels(self, joints):
-        return (per_joint("hysteresis_length", joints), per_joint("hysteresis_exponent", joints))
+        return tuple(per_joint(f"hysteresis_{name}", joints) for name in ("length", "ratio", "tilt"))
 
     def unphysical(self, estimate: Estimate) -> str:
         return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
 
 
-def dahl(motion, joint: int, length: float, exponent: float = 1.0) -> np.ndarray:
-    """State z (n,) of dz/dt = dq (1 - z sgn(dq))^n / length over each run, exact for a constant direction between samples.
+def dahl(motion, joint: int, length: float) -> np.ndarray:
+    """State z (n,) of dz/dt = dq (1 - z sgn(dq)) / length: u = 1 - z sgn(dq) falls to u exp(-d / length) over a distance d."""
+    return _strokes(motion, joint, length, lambda u, gone: u * np.exp(-gone))
 
-    Over a distance d in one direction u = 1 - z sgn(dq) falls to u exp(-d / length) for n = 1, else
-    u^(1-n) to u^(1-n) - (1 - n) d / length, until nothing is left. Moves below the standstill noise count too.
+
+def elements(motion, joint: int, length: float, ratio: float, tilt: float) -> np.ndarray:
+    """z (n,) of three elasto-plastic elements: u falls to u - d / length_k, until nothing is left."""
+    parts = zip((1 - tilt, 1.0, 1 + tilt), (length / ratio, length, length * ratio), strict=True)
+    return sum(weight / 3 * _strokes(motion, joint, each, lambda u, gone: np.maximum(u - gone, 0.0)) for weight, each in parts)
+
+
+def _strokes(motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
+    """State z (n,) over each run from z = 0, exact for a constant direction between samples; left(u, gone): what is left of
+    u = 1 - z sgn(dq) after distances in one direction, in lengths. Moves below the standstill noise count too.
     """
     out = np.empty(len(motion.time))
     for a, b in motion.bounds:
@@ -178,13 +198,6 @@ def dahl(motion, joint: int, length: float, exponent: float = 1.0) -> np.ndarray
         z = 0.0
         for start, stop in zip(edges[:-1], edges[1:], strict=True):
             toward, gone = np.sign(move[start]), np.cumsum(np.abs(move[start:stop]))
-            out[a + start : a + stop] = toward - toward * _left(1 - toward * z, gone, exponent) if toward else z
+            out[a + start : a + stop] = toward - toward * left(1 - toward * z, gone) if toward else z
             z = out[a + stop - 1]
     return out
-
-
-def _left(u: float, gone: np.ndarray, exponent: float) -> np.ndarray:
-    """What is left of u after each distance, in lengths."""
-    if exponent == 1:
-        return u * np.exp(-gone)
-    return np.maximum(u ** (1 - exponent) - (1 - exponent) * gone, 0.0) ** (1 / (1 - exponent))

@@ -8,7 +8,7 @@
 #include "../shared/joint.h"
 
 #define DELAYED_CAPACITY 512
-#define AXIS_STATES 6
+#define AXIS_STATES 8
 #define AXIS_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
 
 static Joint joint_of(const Model *m) {
@@ -28,7 +28,7 @@ static Ring delayed_ring(Model *m) {
 static void set_start_state(Model *m) {
     m->q_link = m->q_motor = m->q_start;
     m->dq_link = m->dq_motor = m->dq_start;
-    m->z = m->tau_lag = 0;
+    m->z = m->z_short = m->z_long = m->tau_lag = 0;
     m->domain = 1;
 }
 
@@ -58,14 +58,20 @@ static void derivatives(Model *m, double t) {
     const Joint j = joint_of(m);
     const int elastic = j.joint_compliance > 0;
     double inertia = m->inertia;
-    m->der_q_link = m->ddq = m->der_z = m->der_tau_lag = m->der_q_motor = m->der_dq_motor = 0;
+    m->der_q_link = m->ddq = m->der_z = m->der_z_short = m->der_z_long = 0;
+    m->der_tau_lag = m->der_q_motor = m->der_dq_motor = 0;
     if (m->domain == 0) return;
 
     const double q = elastic ? m->q_motor : m->q_link, dq = elastic ? m->dq_motor : m->dq_link;
     const double ideal = delivered(m, &j), motor = j.actuator_lag > 0 ? m->tau_lag : ideal;
-    double torque = motor - joint_required(&j, q, dq, m->z, motor, t) - coupling(m, &j);
+    const double z = joint_hysteresis_state(&j, m->z, m->z_short, m->z_long);
+    double torque = motor - joint_required(&j, q, dq, z, motor, t) - coupling(m, &j);
     if (j.actuator_lag > 0) m->der_tau_lag = (ideal - m->tau_lag) / j.actuator_lag;
-    if (j.hysteresis != 0) m->der_z = joint_hysteresis_rate(&j, dq, m->z);
+    if (j.hysteresis != 0) {
+        const double states[3] = {m->z, m->z_short, m->z_long};
+        double *const rates[3] = {&m->der_z, &m->der_z_short, &m->der_z_long};
+        joint_hysteresis_rates(&j, dq, states, rates);
+    }
     if (elastic) {
         const double spring = joint_spring(&j, m->q_motor - m->q_link, m->dq_motor - m->dq_link);
         m->der_q_motor = m->dq_motor;
@@ -114,6 +120,8 @@ static const char *sample(Model *m, double t) {
         if (problem) return problem;
     }
     m->z = joint_hysteresis_limit(m->z);
+    m->z_short = joint_hysteresis_limit(m->z_short);
+    m->z_long = joint_hysteresis_limit(m->z_long);
     for (int i = 0; i < AXIS_STATES; i++)
         if (!(fabs(state[i]) < 1e6)) m->domain = 0;
     if (m->domain == 0) memcpy(AXIS_STATE(m), m->kept, sizeof m->kept);

@@ -10,7 +10,7 @@
 #include "../shared/joint.h"
 
 #define DELAYED_CAPACITY 512
-#define ARM_STATES 18
+#define ARM_STATES 24
 #define ARM_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
 
 static const int coupled[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
@@ -57,6 +57,8 @@ static void set_start_state(Model *m) {
     memcpy(m->q_motor, m->q_start, sizeof m->q_motor);
     memcpy(m->dq_motor, m->dq_start, sizeof m->dq_motor);
     memset(m->z, 0, sizeof m->z);
+    memset(m->z_short, 0, sizeof m->z_short);
+    memset(m->z_long, 0, sizeof m->z_long);
     m->domain = 1;
 }
 
@@ -150,10 +152,15 @@ static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *iner
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);
         const double motor = j.actuator_lag > 0 ? m->tau_lag[i] : ideal[i];
-        torque[i] = motor - joint_required(&j, q[i], dq[i], m->z[i], motor, t);
+        const double z = joint_hysteresis_state(&j, m->z[i], m->z_short[i], m->z_long[i]);
+        torque[i] = motor - joint_required(&j, q[i], dq[i], z, motor, t);
         if (m->extras != 0) torque[i] -= coupling[i];
         if (j.actuator_lag > 0) m->der_tau_lag[i] = (ideal[i] - m->tau_lag[i]) / j.actuator_lag;
-        if (j.hysteresis != 0) m->der_z[i] = joint_hysteresis_rate(&j, dq[i], m->z[i]);
+        if (j.hysteresis != 0) {
+            const double states[3] = {m->z[i], m->z_short[i], m->z_long[i]};
+            double *const rates[3] = {&m->der_z[i], &m->der_z_short[i], &m->der_z_long[i]};
+            joint_hysteresis_rates(&j, dq[i], states, rates);
+        }
         if (j.joint_compliance > 0) {
             const double spring = joint_spring(&j, m->q_motor[i] - m->q_link[i], m->dq_motor[i] - m->dq_link[i]);
             m->der_q_motor[i] = m->dq_motor[i];
@@ -168,6 +175,8 @@ static void clear_derivatives(Model *m) {
     memset(m->der_q_link, 0, sizeof m->der_q_link);
     memset(m->ddq, 0, sizeof m->ddq);
     memset(m->der_z, 0, sizeof m->der_z);
+    memset(m->der_z_short, 0, sizeof m->der_z_short);
+    memset(m->der_z_long, 0, sizeof m->der_z_long);
     memset(m->der_tau_lag, 0, sizeof m->der_tau_lag);
     memset(m->der_q_motor, 0, sizeof m->der_q_motor);
     memset(m->der_dq_motor, 0, sizeof m->der_dq_motor);
@@ -318,6 +327,8 @@ static const char *finish_joints(Model *m, double t) {
         const char *problem = joint_check_step(&j, i + 1, step, m->internal_steps, text, sizeof m->text);
         if (problem) return problem;
         m->z[i] = joint_hysteresis_limit(m->z[i]);
+        m->z_short[i] = joint_hysteresis_limit(m->z_short[i]);
+        m->z_long[i] = joint_hysteresis_limit(m->z_long[i]);
     }
     if (!(longest > 0)) return NULL;
     Ring ring = delayed_ring(m);

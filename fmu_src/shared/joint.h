@@ -21,7 +21,8 @@
     F(coulomb_asymmetry) F(viscous_asymmetry) F(torque_offset) F(load_friction) F(position_friction_sin) \
     F(position_friction_cos) F(position_torque) F(position_torque_quadratic) F(position_torque_cubic) \
     F(position_torque_sin) F(position_torque_cos) F(ripple_sin) F(ripple_cos) F(ripple_order) F(hysteresis) \
-    F(hysteresis_length) F(hysteresis_exponent) F(quadratic_drag) F(friction_drift) F(friction_drift_time) F(torque_gain) \
+    F(hysteresis_length) F(hysteresis_exponent) F(hysteresis_ratio) F(hysteresis_tilt) F(quadratic_drag) \
+    F(friction_drift) F(friction_drift_time) F(torque_gain) \
     F(torque_deadband) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
     F(encoder_resolution) F(encoder_offset)
 /* clang-format on */
@@ -77,7 +78,7 @@ static inline double joint_drift(const Joint *j, double t) {
     return 1 + j->friction_drift * (constant > 0 ? constant * (1 - exp_real(-t / constant)) : t);
 }
 
-/* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: Dahl's state. */
+/* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: of the hysteresis. */
 static inline double joint_required(const Joint *j, double q, double dq, double z, double tau_motor, double t) {
     const double s = joint_sign(j, dq), speed = fabs(dq);
     double torque = joint_basic_friction(j, dq), sine = 0, cosine = 0;
@@ -113,6 +114,28 @@ static inline double joint_hysteresis_rate(const Joint *j, double dq, double z) 
     const double within = real_clamp(z, -1.0, 1.0), left = 1.0 - (dq < 0 ? -within : within);
     if (j->hysteresis_exponent == 1) return (dq - fabs(dq) * within) / j->hysteresis_length;
     return left > 0 ? dq * exp_real(j->hysteresis_exponent * log_real(left)) / j->hysteresis_length : 0.0;
+}
+
+/* Elasto-plastic element: dz/dt = dq / length, and 0 where it yields, |z| = 1 (1/s). */
+static inline double joint_element_rate(double dq, double z, double length) {
+    return (dq < 0 ? -z : z) < 1.0 ? dq / length : 0.0;
+}
+
+/* What `hysteresis` multiplies: Dahl's z, or the three elements by their strengths (1 - tilt, 1, 1 + tilt)/3. */
+static inline double joint_hysteresis_state(const Joint *j, double z, double z_short, double z_long) {
+    if (j->hysteresis_ratio == 0) return z;
+    return ((1.0 - j->hysteresis_tilt) * z_short + z + (1.0 + j->hysteresis_tilt) * z_long) / 3.0;
+}
+
+/* Rates of z, z_short, z_long (1/s): Dahl's law alone, or the elements' of length, length/ratio, length ratio. */
+static inline void joint_hysteresis_rates(const Joint *j, double dq, const double z[3], double *const rates[3]) {
+    if (j->hysteresis_ratio == 0) {
+        *rates[0] = joint_hysteresis_rate(j, dq, z[0]);
+        return;
+    }
+    *rates[0] = joint_element_rate(dq, z[0], j->hysteresis_length);
+    *rates[1] = joint_element_rate(dq, z[1], j->hysteresis_length / j->hysteresis_ratio);
+    *rates[2] = joint_element_rate(dq, z[2], j->hysteresis_length * j->hysteresis_ratio);
 }
 
 /* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left

@@ -176,7 +176,7 @@ class Normal:
         if columns is None:
             full = effect.columns(self.model.scene, choice.joints, choice.theta)
             columns = {j: self.model.setting.rows.fitted(values, effect.sharp) for j, values in full.items()}
-        return self.gain(columns)
+        return self.gain(columns, effect)
 
     def gain_of_late(self, choice: Choice) -> tuple[float, np.ndarray]:
         """As `gain`, for an effect that acts on the recorded torque; the error is held against the torque that is left."""
@@ -191,15 +191,15 @@ class Normal:
         before = self.error(range(model.setting.joints))
         return float(before - (left - cross @ self.inverse @ cross)), np.zeros(1)
 
-    def gain(self, columns: dict[int, np.ndarray]) -> tuple[float, np.ndarray] | None:
-        """Decrease of the squared error by the columns (on the fitted rows) and their coefficients; None where they lie within the model."""
+    def gain(self, columns: dict[int, np.ndarray], effect: Effect) -> tuple[float, np.ndarray] | None:
+        """Decrease of the squared error by an effect's columns (on the fitted rows) and their coefficients; None where they lie within the model."""
         if not columns:
             return None
         cross, own, toward = 0.0, 0.0, 0.0
         for j, values in columns.items():
             c = values * self.model.scale[j, self.train]
             cross, own, toward = cross + self.x[j].T @ c, own + c.T @ c, toward + c.T @ self.residual[j]
-        free = own - cross.T @ self.inverse @ cross
+        free = own + np.diag(effect.precision(len(own))) - cross.T @ self.inverse @ cross
         size = np.sqrt(np.maximum(np.diag(own), 1e-300))
         unit = free / size[:, None] / size
         if not np.isfinite(unit).all():

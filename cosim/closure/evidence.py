@@ -56,7 +56,7 @@ def weigh(model: Model, candidate: Candidate, trials: int, passes: int = 1) -> E
     amount = candidate.choice.effect.amount(beta, candidate.choice.theta)
     estimate = Estimate(beta, std, candidate.choice.theta, candidate.choice.joints, _beside(model, new))
     return Evidence(
-        candidate, new, beta, estimate.std, min(_p_value(amount, cov, len(fitted)) * trials, 1.0),
+        candidate, new, beta, estimate.std, min(_p_value(amount, cov[: len(amount), : len(amount)], len(fitted)) * trials, 1.0),
         fitted.sum() / max(before[0][:, joints].sum(), 1e-300), held.sum() / max(before[1][:, joints].sum(), 1e-300),
         standard_errors(fitted), standard_errors(held), _size(model, new, joints), candidate.reason or candidate.choice.effect.unphysical(estimate),
     )  # fmt: skip

@@ -16,7 +16,8 @@ class Gram:
     """Normal equations: g (B, J, p, p), h (B, J, p), s (B, J), rows (B, J); the first `train` blocks are fitted.
 
     The first `shrunk` columns are given ones that are too many for the fitted blocks: they get a penalty (ridge), chosen by
-    leaving out `group` (train,), the runs of the fitted blocks, or blocks where there are fewer than four runs.
+    leaving out `group` (train,), the runs of the fitted blocks, or blocks where there are fewer than four runs. precision (p,): what is
+    known of each coefficient before the data, one over its variance about zero.
     """
 
     g: np.ndarray
@@ -26,6 +27,7 @@ class Gram:
     train: int
     shrunk: int = 0
     group: np.ndarray | None = None
+    precision: np.ndarray | float = 0.0
 
     @property
     def size(self) -> int:
@@ -88,7 +90,7 @@ def _fitted(gram: Gram, penalty: float) -> Fit:
     g, h = gram.g.sum(axis=1), gram.h.sum(axis=1)
     total_g, total_h = g[:t].sum(axis=0), h[:t].sum(axis=0)
     scale = 1 / np.sqrt(np.maximum(np.diag(total_g), 1e-300))
-    extra = np.full(gram.size, RIDGE)
+    extra = RIDGE + gram.precision * scale**2
     extra[: gram.shrunk] += penalty
     stack_g = np.concatenate([total_g[None], total_g - g[:t]]) * scale[:, None] * scale
     stack_h = np.concatenate([total_h[None], total_h - h[:t]]) * scale

@@ -87,7 +87,13 @@ class Model:
         run = np.zeros(rows.blocks, int)
         run[rows.block] = self.setting.motion.run[rows.index]
         normal = accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks)
-        return evolve(normal, shrunk=self.setting.shrunk, group=run[: rows.train_blocks])
+        return evolve(normal, shrunk=self.setting.shrunk, group=run[: rows.train_blocks], precision=self.precision)
+
+    @cached_property
+    def precision(self) -> np.ndarray:
+        """What is known of the coefficients (p,) before the data: Effect.precision of the chosen effects."""
+        known = [c.effect.precision(next(iter(columns.values())).shape[1]) for c, columns in zip(self.choices, self.columns, strict=True)]
+        return np.concatenate([np.zeros(self.base.shape[2]), *known])
 
     @property
     def normal(self) -> tuple[np.ndarray, np.ndarray, float]:

@@ -16,7 +16,7 @@ NEAR = 0.4  # share of the best candidate's gain from which on another is compar
 PLAIN = 0.97  # of the error that an unphysical step may leave at most to be taken: the data ask for it
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
 DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
-TANGENT = 0.02  # step of the central differences in nonlinear parameters
+TANGENT = 0.005
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 
@@ -185,15 +185,18 @@ def _polished(model: Model) -> Model:
         choices = better
     model = with_choices(model, choices, passes=2)
     for number, choice in enumerate(choices):
-        if choice.effect.continuous(choice.theta) and len(choice.joints) == 1 and choice.effect.sharp:
+        free = choice.effect.continuous(choice.theta)
+        if free and len(choice.joints) == 1 and choice.effect.sharp:
             model = _together(model, number)
-        elif choice.effect.continuous(choice.theta) and len(choice.joints) > 1 and not choice.effect.late:
+        elif len(free) > 1:
             model = _descended(model, number)
     return model
 
 
 def _descended(model: Model, number: int) -> Model:
-    """The model with an effect's nonlinear parameters moved all at once (Gauss, Newton): those of a wall turn and shift it together."""
+    """The model with an effect's nonlinear parameters moved all at once (Gauss, Newton): those of a wall turn and shift it together,
+    resonance, damping and share of a link its phase.
+    """
     choice = model.choices[number]
     free, error = choice.effect.continuous(choice.theta), train_error(model)
     for _ in range(DESCENTS):

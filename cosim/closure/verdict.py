@@ -259,7 +259,8 @@ def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarr
     count = len(extra)
     extra += [_width_tangent(model, j) for j in choice.joints if choice.effect.sharp and model.laws[j].width > 0]
     design = np.concatenate((model.design, *extra), axis=2)
-    cov = fit(accumulate(design, model.y, rows.block, rows.blocks, rows.train_blocks)).cov
+    normal = accumulate(design, model.y, rows.block, rows.blocks, rows.train_blocks)
+    cov = fit(evolve(normal, precision=np.pad(model.precision, (0, len(extra))))).cov
     places = [*range(part.start, part.stop), *range(model.design.shape[2], model.design.shape[2] + count)]
     return cov[np.ix_(places, places)]
 

@@ -158,6 +158,10 @@ class Effect(ABC):
         """What has to differ from zero for the effect to be there (k,)."""
         return beta + np.array(theta) if self.late else beta
 
+    def precision(self, count: int) -> np.ndarray:
+        """What is known of the `count` coefficients before there are data: one over the variance of each about zero (k,), 0 for nothing."""
+        return np.zeros(count)
+
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         """Why this data cannot show the effect; empty where it can."""
         return ""

@@ -19,7 +19,9 @@ _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
 STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
+DAMPINGS = (0.04, 0.2)  # damping ratios to start from
 MOST_STEPS = 500  # a sample; a link too light for them runs away and gives no column
+USUAL_START = 0.3  # standard deviation of what is not known of a start, in units of the usual twist
 STARTS = 10  # runs whose start has columns of its own
 EDGE, SLIDING = 3.5, 0.9  # filter widths of a run's edge; mean sign of the speed there, above which the joint moves
 SMALL, CALM = 0.2, 0.5  # step of the simulated link times w, and times the rate at which damping alone calms it
@@ -78,7 +80,8 @@ class JointElasticity(Effect):
         return "" if scene.rigid_slopes is not None else "the device has no equations of motion to bend"
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
-        return tuple((float(w), z, USUAL_SHARE) for w in _resonances(scene, 1.3) for z in (0.06, 0.2))
+        """Resonances as far apart as their peak is wide: beside it the motion of the link is out of phase."""
+        return tuple((float(w), z, USUAL_SHARE) for z in DAMPINGS for w in _resonances(scene, 1 + 2 * z))
 
     def continuous(self, theta):
         return (0, 1, 2)
@@ -95,6 +98,13 @@ class JointElasticity(Effect):
 
     def labels(self, joints, theta):
         return ("share of the link's torque",)  # the columns after it are starts of runs
+
+    def precision(self, count):
+        """Only the first blocks of a run tell its start; it is a share of the twist that the motion makes."""
+        return np.r_[0.0, np.full(count - 1, 1 / USUAL_START**2)]
+
+    def amount(self, beta, theta):
+        return beta[:1]
 
     def parameters(self, estimate: Estimate) -> dict[str, float]:
         """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the motion; gap [rad]."""

@@ -1,11 +1,13 @@
-"""The journal of a sweep: one line a finding, on disk before it counts. Kill the process at any time and run again.
+"""The journal of a sweep: one line a finding, handed to the system before it counts. Kill the process at any time and run again.
 
 The first line says which sweep it belongs to. A line that was being written when the process died is cut off on
-opening. Lines are appended by one process only (a lock file tells); each append is one write and one fsync.
+opening. Lines are appended by one process only (a lock file tells); each append is one write. The disk is waited for once a second
+at most (a busy one takes longer than the points), so a machine that loses its power loses no more than that.
 """
 
 import json
 import os
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from cosim.errors import InputError, Problem
 from cosim.sweep.points import Finding, Point
 
 FORMAT = 1
+SYNCED = 1.0  # s between two waits for the disk
 
 
 class Journal:
@@ -27,6 +30,7 @@ class Journal:
         self.findings: dict[str, Finding] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
         self.file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        self.synced = time.monotonic()
         self._lock()
         self._load(fingerprint)
 
@@ -61,7 +65,7 @@ class Journal:
             self.findings[entry["key"]] = Finding(**entry["finding"])
 
     def add(self, points: Sequence[Point], findings: Sequence[Finding]) -> None:
-        """Keep findings: on return they are on disk. A point that is known already is not written again."""
+        """Keep findings: on return they outlive this process. A point that is known already is not written again."""
         fresh = [(p.key, f) for p, f in zip(points, findings) if p.key not in self.findings]
         if fresh:
             self._append(*({"key": key, "finding": _plain(finding)} for key, finding in fresh))
@@ -72,10 +76,13 @@ class Journal:
         written = os.write(self.file, text)
         if written < len(text):
             raise OSError(f"{self.path}: disk full")
-        os.fsync(self.file)
+        if time.monotonic() - self.synced > SYNCED:
+            os.fsync(self.file)
+            self.synced = time.monotonic()
 
     def close(self) -> None:
-        """Close the file; the lock goes with it."""
+        """Wait for the disk and close the file; the lock goes with it."""
+        os.fsync(self.file)
         os.close(self.file)
 
     def __enter__(self) -> "Journal":

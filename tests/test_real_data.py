@@ -3,16 +3,12 @@
 The excerpts in tests/data are always tested. The full sets may not ship; without them tests are skipped.
 """
 
-from pathlib import Path
-
 import pytest
 
 from cosim.closure.answer import answer
-from cosim.closure.closure import Closure, close_loop
-from cosim.measured import read
-
-EXCERPTS = Path(__file__).parent / "data"
-LEFT = ("4_Maryland_L_2_20", "4_Maryland_L_2_23")
+from cosim.closure.closure import Closure
+from tests.real_data import EXCERPTS, OTHERS, SAME, pendulum, tool, wrist
+from tests.real_data import emps as drive
 
 
 def names(closure: Closure) -> list[str]:
@@ -23,21 +19,11 @@ def errors(closure: Closure) -> tuple[float, float]:
     return closure.error.before[0], closure.error.after[0]
 
 
-def tool(folder: Path, *held: str) -> Closure:
-    """Two runs of the left spindle of tool 4 fitted, others held out."""
-    files = [[folder / f"Tool_{name}.csv" for name in group] for group in (LEFT, held)]
-    return close_loop(read(*files, description=folder / "mis_tool_cable.toml"))
-
-
-def pendulum(folder: Path, name: str) -> Closure:
-    return close_loop(read([folder / f"{name}.csv"], description=folder / "dfki_pendulum_1dof.toml"))
-
-
 # --- shipped excerpts -----------------------------------------------------------------------------------------------
 
 
 def test_wrist_excerpt_is_coupled():
-    found = close_loop(read([EXCERPTS / "staubli_tx40/staubli_tx40_j6.csv"]))
+    found = wrist(EXCERPTS / "staubli_tx40", 6)
     before, after = errors(found)
     assert names(found) == ["joint_coupling"]
     assert before > 50 and after < 18  # issue: 64 -> 18
@@ -63,10 +49,7 @@ def test_computed_torque_of_the_pendulum_excerpt_is_refused():
 
 @pytest.fixture(scope="module")
 def emps(shared_data) -> Closure:
-    folder = shared_data / "emps"
-    return close_loop(
-        read([folder / "emps_train.csv"], [folder / "emps_test_pulses.csv"], description=folder / "emps.toml")
-    )
+    return drive(shared_data)
 
 
 def test_emps_torque(emps):
@@ -91,7 +74,7 @@ def test_emps_replay(emps):
 
 @pytest.mark.parametrize(("joint", "least", "target"), [(5, 100.0, 30.0), (6, 50.0, 18.0)])
 def test_tx40_wrist_is_coupled(shared_data, joint, least, target):
-    found = close_loop(read([shared_data / f"residual_ready/staubli_tx40_j{joint}.csv"]))
+    found = wrist(shared_data / "residual_ready", joint)
     before, after = errors(found)
     assert names(found) == ["joint_coupling"]
     assert before > least and after < target
@@ -100,14 +83,14 @@ def test_tx40_wrist_is_coupled(shared_data, joint, least, target):
 
 @pytest.mark.parametrize("joint", [1, 2, 3, 4])
 def test_tx40_other_joints_get_no_coupling_and_no_worse(shared_data, joint):
-    found = close_loop(read([shared_data / f"residual_ready/staubli_tx40_j{joint}.csv"]))
+    found = wrist(shared_data / "residual_ready", joint)
     before, after = errors(found)
     assert "joint_coupling" not in names(found)
     assert after <= 1.01 * before < 30
 
 
 def test_cable_tool_held_out_runs_of_the_same_tool(shared_data):
-    found = tool(shared_data / "mis_tool_cable", "4_Maryland_L_2_41", "4_Maryland_L_2_43")
+    found = tool(shared_data / "mis_tool_cable", *SAME)
     before, after = errors(found)
     assert names(found)[0] == "hysteresis"
     assert set(names(found)) <= {"hysteresis", "position_torque", "load_friction", "torque_offset"}
@@ -115,7 +98,7 @@ def test_cable_tool_held_out_runs_of_the_same_tool(shared_data):
     assert found.floor[0] < 2.0  # repeated cycles
 
 
-@pytest.mark.parametrize("held", ["4_Maryland_R_5_20", "4_Maryland_R_5_23", "5_Maryland_L_2_20", "5_Maryland_L_2_23"])
+@pytest.mark.parametrize("held", OTHERS)
 def test_cable_tool_other_tool_or_spindle_is_never_worse(shared_data, held):
     before, after = errors(tool(shared_data / "mis_tool_cable", held))
     assert after <= before

@@ -114,28 +114,33 @@ def cores(evaluator: str, rounds: int) -> float:
 
 
 def command(*words: str) -> tuple[float, float]:
-    """Wall-clock and processor seconds of a command, its workers included."""
+    """Wall-clock and processor seconds of a command, its workers included; it may keep compiled Python files, as installed it has them."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run([sys.executable, "-m", "cosim", *words], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "cosim", *words], check=True, capture_output=True, env=environment)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.perf_counter() - began, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def best(sweep: Path, repeats: int = 3) -> tuple[float, float]:
-    """The shortest of some sweeps from the shell, two workers, each in a folder of its own."""
-    outs = [sweep.with_suffix(f".{k}") for k in range(repeats)]
-    return min(command("sweep", str(sweep), "--workers", "2", "--no-report", "--out", str(out)) for out in outs)
+def repeated(count: int, folder: Path, *words: str) -> tuple[float, float, float, float]:
+    """Wall-clock seconds of a command, median, least and most of `count` runs after a first one, and median processor seconds.
+
+    {out} among the words is a folder of each run's own.
+    """
+    runs = [command(*(word.format(out=folder / f"{words[0]}-{k}-{time.monotonic_ns()}") for word in words)) for k in range(count + 1)][1:]
+    wall, processor = zip(*runs)
+    return statistics.median(wall), min(wall), max(wall), statistics.median(processor)
 
 
-def commands(folder: Path, count: int) -> list[tuple[str, float, float]]:
+def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, float]]:
     (folder / "map.toml").write_text(SPEC.format(count=f"count = {count}", design="[grid]"))
     (folder / "traced.toml").write_text(SPEC.format(count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'))
-    run20 = ("run", "sallam-stable", "--set", "experiment.stop=20", "--no-report", "--out")
+    swept = ("--workers", "2", "--no-report", "--out", "{out}")
     return [
-        ("cosim --help", *min(command("--help") for _ in range(3))),
-        ("cosim run, 20 s, no report", *min(command(*run20, str(folder / "run")) for _ in range(3))),
-        ("boundary traced, two workers", *best(folder / "traced.toml")),
-        (f"map {count} x {count}, two workers", *best(folder / "map.toml", 1)),
+        ("cosim --help", *repeated(9, folder, "--help")),
+        ("cosim run, 20 s, no report", *repeated(9, folder, "run", "sallam-stable", "--set", "experiment.stop=20", "--no-report", "--out", "{out}")),
+        ("boundary traced, two workers", *repeated(15, folder, "sweep", str(folder / "traced.toml"), *swept)),
+        (f"map {count} x {count}, two workers", *repeated(3, folder, "sweep", str(folder / "map.toml"), *swept)),
     ]
 
 
@@ -153,9 +158,9 @@ def main() -> None:
         print("\n| points a second, two worker processes against one | times |\n|---|---|")
         for what, evaluator in (("kernel alone", "tests.benchmarks.sweeps:batch"), ("kernel, twin, verdict", EVALUATORS["simulation"])):
             print(f"| {what} | {figure(cores(evaluator, 3 if quick else 12))} |", flush=True)
-        print("\n| command | wall-clock s | processor s |\n|---|---|---|", flush=True)
-        for words, wall, cpu in commands(Path(name), 20 if quick else 50):
-            print(f"| {words} | {wall:.2f} | {cpu:.2f} |", flush=True)
+        print("\n| command | wall-clock s, median | least | most | processor s |\n|---|---|---|---|---|", flush=True)
+        for words, *figures in commands(Path(name), 20 if quick else 50):
+            print(f"| {words} | {' | '.join(f'{x:.2f}' for x in figures)} |", flush=True)
     os._exit(0)
 
 

@@ -23,7 +23,7 @@ from cosim.scenario import load_scenario, with_parameters
 
 
 def simulated(h, along, lanes):
-    """twist, transmitted (n, lanes) of links with lanes as link_lane of fmu_src/link/link.c."""
+    """twist, transmitted (n, lanes) of links with lanes of the numbers of fmu_src/link/link.c."""
     n, lanes = len(along[0]), np.array(lanes, float)
     twist, transmitted = np.empty((2, n, len(lanes)))
     address = [x.ctypes.data_as(ctypes.c_void_p) for x in (*map(np.ascontiguousarray, along), lanes, twist, transmitted)]
@@ -56,6 +56,29 @@ def test_the_link_follows_its_differential_equation(gap):
     assert np.abs(twist - found.y[0]).max() < 0.01 * np.abs(found.y[0]).max()
     expected = [contact(*x) for x in found.y.T]
     assert np.abs(transmitted - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_a_link_has_the_same_bits_alone_and_beside_links_of_more_steps():
+    h, n = 2e-3, 2000
+    time = np.arange(n) * h
+    along = (3e-3 + 1e-3 * np.sin(time), 1e-4 * np.cos(time), 0.01 * np.sin(time), 0.05 * np.sin(7 * time), 0.3 * np.cos(5 * time))
+    lanes = [(5e-4, 1e-4, 1.0, 4.0 + k, 0.01, 0.01 * (k % 3), 0.001 * k, 0.0, 1.0 + 3 * k) for k in range(11)]
+    together = simulated(h, along, lanes)
+    for k, lane in enumerate(lanes):
+        assert all(np.array_equal(both[:, k], one[:, 0]) for both, one in zip(together, simulated(h, along, [lane]), strict=True))
+
+
+def test_noise_of_the_encoder_is_no_elastic_joint():
+    """A link's lag smooths the noise in the acceleration: it left less than the sensors do and was named on a rigid axis."""
+    random, time = np.random.default_rng(0), np.arange(0, 12, 0.002)
+    speeds, sizes = np.array([2.0, 5.1, 11.0]), np.array([1.2, 0.4, 0.03])
+    phase = np.outer(time, speeds) + random.uniform(0, 6, 3)
+    q, dq, ddq = np.sin(phase) @ sizes, np.cos(phase) @ (sizes * speeds), -np.sin(phase) @ (sizes * speeds**2)
+    tau = 0.05 * ddq + 0.3 * np.sin(q) + 0.04 * dq + 0.1 * np.tanh(dq / 0.02) + 0.004 * random.standard_normal(len(time))
+    seen = q + 1e-5 * random.standard_normal(len(time))
+    run = Run("rigid", time, seen[:, None], tau[:, None], np.arange(len(time)) >= len(time) // 2)
+    found = close_loop(Recording(Description(device="axis", gravity=True), (run,)), Options(replayed=False))
+    assert found.verdict.answer.value == "model_complete"
 
 
 @lru_cache

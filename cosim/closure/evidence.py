@@ -4,8 +4,11 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.candidates import Candidate
+from cosim.closure.floor import from_encoders
 from cosim.closure.model import Model, with_choices
 from cosim.effects import Estimate, Scene
+
+BEYOND_NOISE = 1.5  # times the variance of the encoder's noise in the torque that an effect which smooths it has to take away
 
 
 @frozen(eq=False)
@@ -58,8 +61,21 @@ def weigh(model: Model, candidate: Candidate, trials: int, passes: int = 1) -> E
     return Evidence(
         candidate, new, beta, estimate.std, min(_p_value(amount, cov[: len(amount), : len(amount)], len(fitted)) * trials, 1.0),
         fitted.sum() / max(before[0][:, joints].sum(), 1e-300), held.sum() / max(before[1][:, joints].sum(), 1e-300),
-        standard_errors(fitted), standard_errors(held), _size(model, new, joints), candidate.reason or candidate.choice.effect.unphysical(estimate),
+        standard_errors(fitted), standard_errors(held), _size(model, new, joints), candidate.reason or candidate.choice.effect.unphysical(estimate) or _of_noise(model, new),
     )  # fmt: skip
+
+
+def _of_noise(model: Model, new: Model) -> str:
+    """Whether an effect that smooths the acceleration takes away no more than the encoder's noise that stands in it; empty where it takes more."""
+    choice, noise = new.choices[-1], from_encoders(model)
+    if not choice.effect.smooths or noise is None:
+        return ""
+    joint = choice.joints[0]
+    rows = model.setting.use[joint] & ~model.setting.rows.test
+    removed = float((model.residual[joint, rows] ** 2 - new.residual[joint, rows] ** 2).mean()) if rows.any() else 0.0
+    if removed > BEYOND_NOISE * noise[joint] ** 2:
+        return ""
+    return "takes away no more than the noise of the encoder in the acceleration, which any lag smooths"
 
 
 def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:

@@ -29,12 +29,20 @@ def floor(model: Model) -> tuple[float | None, ...]:
 
 def from_sensors(model: Model) -> np.ndarray | None:
     """RMS (nj,) [N.m] that the white noise of torque and encoders leaves in the residual; None where the inertia is not known."""
+    m, encoders = model.setting.motion, from_encoders(model)
+    if encoders is None:
+        return None
+    torque = np.sqrt(np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)) * noise_left(m.widths.total, m.sample)
+    return np.hypot(torque, encoders)
+
+
+def from_encoders(model: Model) -> np.ndarray | None:
+    """RMS (nj,) [N.m] that the white noise of the encoders, differentiated twice, leaves in the residual; None as `from_sensors`."""
     scene, m = model.scene, model.setting.motion
     if scene.rigid_slopes is None or not m.differentiated:
         return None
-    torque = np.sqrt(np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)) * noise_left(m.widths.total, m.sample)
     inertia = np.array([np.sqrt(np.mean(slopes(scene, j)[2][j] ** 2)) for j in range(m.joints)])
-    return np.hypot(torque, inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2))
+    return inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2)
 
 
 def _cycles(motion: Motion, a: int, b: int) -> np.ndarray | None:

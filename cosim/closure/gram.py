@@ -34,12 +34,6 @@ class Gram:
         """Number of columns p."""
         return self.h.shape[-1]
 
-    def pick(self, columns: np.ndarray) -> "Gram":
-        """The normal equations of a subset of the columns."""
-        shrunk = int(np.sum(columns < self.shrunk))
-        g, h = self.g[..., columns[:, None], columns], self.h[..., columns]
-        return Gram(g, h, self.s, self.rows, self.train, shrunk, self.group)
-
 
 @frozen(eq=False)
 class Fit:

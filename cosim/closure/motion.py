@@ -158,7 +158,6 @@ class Rows:
         """F x, or K F x of a sharp column, on the thinned rows: (n, k) -> (m, k)."""
         return (self.thin_sharp if sharp else self.thin) @ np.ascontiguousarray(x)
 
-
     def fitted(self, x: np.ndarray, sharp: bool) -> np.ndarray:
         """As `filtered`, on the fitted rows alone."""
         return self._fitted[sharp] @ np.ascontiguousarray(x)

@@ -80,7 +80,7 @@ class Setting:
 def pose(recording: Recording, motion: Motion, rows: Rows) -> Setting:
     """The regression problem of the recording's device."""
     description = recording.description
-    declared = np.array(description.declared_pi) if description.parameters == "declared" else None
+    declared = np.array(description.declared_pi) if description.parameters == "declared" and recording.device == "phantom" else None
     names, equations = _EQUATIONS[recording.device](description)
     raw_columns = recording.device == "regressor"
     if raw_columns:

@@ -88,6 +88,7 @@ class Effect(ABC):
     late: bool = False  # passes the recorded torque on: theta acts on that torque, the one coefficient is what theta lacks
     of_time: bool = False  # a function of time: held-out rows lie beyond the fitted times and only may not contradict
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
+    smooths: bool = False  # passes the acceleration through a lag, and with it the encoder's noise, which is no evidence
     form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
     amplitude: bool = False  # the coefficients are the parts of one amplitude, such as sine and cosine
     least: float = 0.0  # share of the squared error that it has to remove where noise of the encoder, fed back into the command, mimics it

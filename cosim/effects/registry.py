@@ -80,6 +80,9 @@ def _watched(method, where: str):
             raise
         except (Exception, SystemExit) as error:
             raise InputError(Problem(where, "a method that runs", f"{type(error).__name__}: {error}")) from error
+        expected = _EXPECTED.get(method.__name__)
+        if expected and not expected[1](value, arguments):
+            raise InputError(Problem(where, expected[0], repr(value)[:80]))
         if method.__name__ == "columns" and not _are_columns(value, arguments[0]):
             shapes = {j: np.shape(x) for j, x in value.items()} if isinstance(value, Mapping) else type(value).__name__
             expected = f"joint (from 0) -> array (n, k), n = {len(arguments[0].motion.time)}, the same k for all"
@@ -87,6 +90,22 @@ def _watched(method, where: str):
         return value
 
     return call
+
+
+def _is_precision(value: object, arguments: tuple) -> bool:
+    return isinstance(value, np.ndarray) and value.shape == (arguments[0],) and bool((np.isfinite(value) & (value >= 0)).all())
+
+
+def _are_all_columns(value: object, arguments: tuple) -> bool:
+    scene, _, thetas = arguments
+    return isinstance(value, list) and len(value) == len(thetas) and all(_are_columns(columns, scene) for columns in value)
+
+
+_EXPECTED = {
+    "precision": ("an array (count,) of finite numbers >= 0", _is_precision),
+    "doubt": ("a finite number > 0", lambda value, arguments: isinstance(value, int | float) and 0 < value < np.inf),
+    "columns_of_all": ("a list with the columns of each theta", _are_all_columns),
+}
 
 
 def _are_columns(value: object, scene: Scene) -> bool:

@@ -69,6 +69,7 @@ class JointElasticity(Effect):
     equation = "q_link = q - t, k t + c t' = torque of the link at q_link, tau = J ddq + that torque"
     source = "Spong 1987, J. Dyn. Sys. Meas. Control 109"
     unit = "1"
+    smooths = True
     form = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
     sharp = False
     dynamic = True
@@ -94,6 +95,8 @@ class JointElasticity(Effect):
         return behind(scene, joints[0], (theta,))[0]
 
     def columns_of_all(self, scene, joints, thetas):
+        if type(self).columns is not JointElasticity.columns:  # an effect of a user's own
+            return super().columns_of_all(scene, joints, thetas)
         return behind(scene, joints[0], thetas)
 
     def labels(self, joints, theta):
@@ -195,7 +198,7 @@ def _starts(scene: Scene, joint: int) -> tuple[_Start, ...]:
 
 @frozen
 class _Link:
-    """One link to simulate, as link_lane of fmu_src/link/link.c: with the joint's torque (driven) or swinging by itself."""
+    """One link to simulate, as the numbers of fmu_src/link/link.c: with the joint's torque (driven) or swinging by itself."""
 
     theta: Theta
     usual: float
@@ -214,7 +217,7 @@ class _Link:
         return own * w**2, 2 * z * w * own, gap[0] if gap else 0.0
 
     def lane(self, start: _Start, resting: float, lightest: float, drag: float, step: float) -> tuple[float, ...]:
-        """Numbers of link_lane for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per sample."""
+        """Its numbers for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per sample."""
         (stiffness, damping, gap), least = self.spring, 0.1 * (1 - self.theta[2]) * self.usual
         lightest = max(lightest - self.motor, least)
         substeps = min(np.ceil(step * max(np.sqrt(stiffness / lightest) / SMALL, (damping + drag) / lightest / CALM)), MOST_STEPS)

@@ -256,6 +256,9 @@ def _inconsistencies(description: Description, table: Mapping) -> list[Problem]:
     ]
     if description.device == "regressor" and not (columns.regressor or columns.rigid):
         problems.append(Problem(f"{source}: [columns].regressor", "the regressor columns or a rigid torque", "neither"))
+    if description.parameters == "declared" and description.device != "phantom":
+        problems.append(Problem(f"{source}: parameters", "'fit', for device 'phantom' also 'declared'", f"'declared' for {description.device!r}",
+                                "a rigid torque that is trusted goes into [columns] rigid of device 'regressor'"))  # fmt: skip
     if description.parameters == "declared" and description.device == "phantom" and "declared_pi" not in table:
         problems.append(Problem(f"{source}: declared_pi", "the 8 trusted parameters", "nothing"))
     if description.declared_pi and len(description.declared_pi) != 8:

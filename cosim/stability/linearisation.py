@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import field, frozen
 
-from cosim.errors import InputError, Problem
+from cosim.errors import InputError, Problem, RunError
 from cosim.execution import marked
 from cosim.master import System, initialise
 from cosim.scenario import Scenario, with_parameters
@@ -115,6 +115,8 @@ def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))
     terms = _Paths(wiring, fmus, states, set(channels)).derivatives()
     kept = _relevant(states, terms)
+    if not kept:
+        raise InputError(Problem(scenario.name, "states whose FMUs act on each other in a loop", "none", "connect the arms through a controller"))
     terms = {way: matrix[np.ix_(kept, kept)] for way, matrix in terms.items()}
     terms = {way: matrix for way, matrix in terms.items() if np.any(matrix) or way == Way(0.0, ())}
     used = {c for way in terms for c in way.channels}
@@ -144,6 +146,9 @@ def _linear(wiring: Wiring, name: str, slave) -> LinearFmu:
         )
     knowns, unknowns = states + inputs, slopes + outputs
     whole = slave.jacobian(unknowns, knowns)
+    if not np.isfinite(whole).all():
+        row, column = np.argwhere(~np.isfinite(whole))[0]
+        raise RunError(name, 0.0, f"the derivative of {unknowns[row]} by {knowns[column]} is not finite at the start pose")
     n = len(states)
     return LinearFmu(states, inputs, outputs, whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
 

@@ -115,9 +115,12 @@ def polish(system: DelaySystem, guess: complex) -> complex | None:
         if not np.isfinite(s) or -s.real * system.longest > 600.0:  # exp(-s tau) would overflow: far left, not sought
             return None
         try:
-            inverse = np.linalg.eigvals(np.linalg.solve(system.characteristic(s), system.slope(s)))
+            ratio = np.linalg.solve(system.characteristic(s), system.slope(s))
         except np.linalg.LinAlgError:  # Delta(s) is singular: a root
             return s
+        if not np.isfinite(ratio).all():
+            return None
+        inverse = np.linalg.eigvals(ratio)
         largest = inverse[np.argmax(np.abs(inverse))]
         if largest == 0.0:
             return None

@@ -99,7 +99,7 @@ def narrow(
     A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
     to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
     the estimate means nothing). One that is shorter than the tolerance from the beginning, with twice the rate at one
-    end, needs no value more: its secant is within a third of it from the other end.
+    end, needs no value more: its zero is within the tolerance of the estimate, and near it where the rate does not jump.
     """
     hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
     for _ in range(rounds):

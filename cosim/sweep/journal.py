@@ -2,7 +2,7 @@
 
 The first line says which sweep it belongs to. A line that was being written when the process died is cut off on
 opening. Lines are appended by one process only (a lock file tells); each append is one write. The disk is waited for once a second
-at most (a busy one takes longer than the points), so a machine that loses its power loses no more than that.
+at most and at the end (a busy one takes longer than the points); only a machine that loses its power can lose what came after.
 """
 
 import json

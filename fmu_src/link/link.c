@@ -4,8 +4,8 @@
  *   m = max(mass - motor, lightest),   u = driven (torque - motor acceleration),   dead(t) = t - clamp(t, -gap/2, gap/2)
  *
  * t = q_motor - q_link (rad); mass, drag, spring, torque, acceleration (n): of the whole joint along the motion, linearised about the
- * motor's angle. Euler's semi-implicit rule, from t = start and t' = start_rate. Each link has parameters of its own; LANES of them go
- * side by side, with the steps per sample of h seconds of the one that needs most.
+ * motor's angle. Euler's semi-implicit rule, from t = start and t' = start_rate. Each link has parameters of its own and steps per sample of h
+ * seconds of its own; LANES of them go side by side, with the bits that each has alone, until the one that needs most steps is done.
  * twist (n, links): t; transmitted (n, links): contact (N m).
  */
 #include "real.h"
@@ -41,12 +41,11 @@ static void side_by_side(const Motion *m, int links, int first, const double (*l
         for (int k = 0; k < NUMBERS; k++) LANE(p[k], i) = own[k];
         if (own[SUBSTEPS] > steps) steps = (int)own[SUBSTEPS];
     }
-    const double dt = m->h / steps;
-    const real half = 0.5 * p[GAP], none = real_of(0.0), everywhere = choose(half == 0.0, p[DAMPING], none);
+    const real count = p[SUBSTEPS], dt = m->h / count, half = 0.5 * p[GAP], none = real_of(0.0), everywhere = choose(half == 0.0, p[DAMPING], none);
     real t = p[START], rate = p[START_RATE], now = p[DRIVEN] * (m->torque[0] - p[MOTOR] * m->acceleration[0]);
     for (int k = 0; k < m->n; k++) {
         const int after = k + 1 < m->n ? k + 1 : k;
-        const real next = p[DRIVEN] * (m->torque[after] - p[MOTOR] * m->acceleration[after]), change = (next - now) / steps;
+        const real next = p[DRIVEN] * (m->torque[after] - p[MOTOR] * m->acceleration[after]), change = (next - now) / count;
         const real gain = dt / real_max(m->mass[k] - p[MOTOR], p[LIGHTEST]);
         for (int s = 0; s < steps; s++) {
             const real beyond = t - real_clamp(t, -half, half);
@@ -55,8 +54,9 @@ static void side_by_side(const Motion *m, int links, int first, const double (*l
                 twist[(int64_t)k * links + first + i] = LANE(t, i);
                 transmitted[(int64_t)k * links + first + i] = LANE(contact, i);
             }
-            rate += gain * (now + change * (double)s - m->drag[k] * rate - m->spring[k] * t - contact);
-            t += dt * rate;
+            const mask done = count <= (double)s;
+            rate = choose(done, rate, rate + gain * (now + change * (double)s - m->drag[k] * rate - m->spring[k] * t - contact));
+            t = choose(done, t, t + dt * rate);
         }
         now = next;
     }

@@ -154,6 +154,19 @@ def test_a_method_of_the_users_own_that_fails_is_named(tmp_path, column, words):
 
 
 @pytest.mark.parametrize(
+    ("method", "words"),
+    [("def precision(self, count): return 1.0", "Cogwheel.precision: expected an array"),
+     ("def precision(self, count): return np.ones(count + 1)", "Cogwheel.precision: expected an array"),
+     ("def doubt(self, scene, theta): return None", "Cogwheel.doubt: expected a finite number > 0, got None"),
+     ("def columns_of_all(self, scene, joints, thetas): return []", "Cogwheel.columns_of_all: expected a list")],
+)  # fmt: skip
+def test_a_method_of_the_users_own_that_gives_something_else_is_named(tmp_path, method, words):
+    (tmp_path / "own.py").write_text(f"{OWN}\n    {method}\n")
+    with pytest.raises(InputError, match=words):
+        close_loop(still(lambda t, q, dq: 0.05 * np.gradient(dq, t) + q), Options(effects=library([tmp_path / "own.py"]), replayed=False))
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [("x = 1", "derived from"), ("raise ValueError('no')", "ValueError"), ("raise SystemExit(3)", "SystemExit"),
      (OWN.replace('    name =', '    def __init__(self, size): pass\n    name ='), "Cogwheel: expected a class that is made without arguments"),

@@ -96,6 +96,7 @@ def test_description_beside_the_file_units_and_scale(tmp_path):
         ({"device": "axis", "columns": {"time": "t", "tau": ["tau"]}}, "columns].q"),
         ({"parameters": "declared"}, "8 trusted parameters"),
         ({"parameters": "declared", "declared_pi": [1.0, 2.0]}, "8 numbers"),
+        (AXIS | {"parameters": "declared"}, "for device 'phantom' also 'declared'"),
         (AXIS | {"gravity": "yes"}, "true or false"),
         ({"device": "axis", "columns": {"tiem": "t", "q": ["q"], "tau": ["tau"]}}, "did you mean 'time'"),
         (AXIS | {"configuration": "URR"}, "did you mean 'UR'"),

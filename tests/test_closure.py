@@ -192,6 +192,7 @@ def test_effects_file_starts_the_next_pass(tmp_path):
     file = tmp_path / "effects.toml"
     file.write_text(effects_file.text(first.verdict.findings, "axis", first.effect_values, "run"))
     previous = effects_file.load(file, library())
+    assert previous == tuple(c for c in first.verdict.model.choices)
     second = close_loop(still(tau), Options(previous=previous, replayed=False))
     assert second.error.before[0] == pytest.approx(first.error.after[0], rel=0.05)
     assert second.verdict.answer is Answer.COMPLETE and [f.earlier for f in second.verdict.findings] == [True]

@@ -67,7 +67,7 @@ def text(findings: Sequence[Finding], device: str, parameters: Values, source: s
     lines = [f"format = {FORMAT}", f'model = "{"AxisDrive" if device == "axis" else "PhantomArm"}"', "", "[parameters]"]
     lines += [f"{name} = {_value(value)}" for name, value in parameters.items()]
     for found in findings:
-        choice = found.evidence.candidate.choice
+        choice = found.choice
         lines += ["", "[[effects]]", f'name = "{found.name}"', f"joints = {_value([float(j) for j in found.joints], whole=True)}"]
         lines += [f"theta = {_value(list(choice.theta))}"] if choice.theta else []
         lines += [f"indistinguishable_from = [{', '.join(_quoted(a) for a in found.aliases)}]"]

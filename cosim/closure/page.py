@@ -111,7 +111,7 @@ def _explaining(closure: Closure) -> list[tuple[int, str]]:
     for found in closure.verdict.findings:
         kind = EXPLAINED_BY.get(found.name, "dq")
         for j in found.joints:
-            other = int(found.evidence.candidate.choice.theta[0]) + 1 if found.name == "joint_coupling" else j
+            other = int(found.choice.theta[0]) + 1 if found.name == "joint_coupling" else j
             pairs.append((j - 1, kind if kind == "time" else f"{kind} {other if other > 0 else j}"))
     for leftover in closure.verdict.leftovers:
         name = leftover.signals[0].replace("history of ", "")

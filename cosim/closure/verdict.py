@@ -10,7 +10,7 @@ from cosim.closure.aliases import LISTED, Rival, indistinguishable, rivals
 from cosim.closure.candidates import Candidate
 from cosim.closure.dependence import Leftover, corrected, in_place, leftovers
 from cosim.closure.evidence import Evidence, standard_errors, weigh
-from cosim.closure.model import Model, evolve_model, with_choices
+from cosim.closure.model import Choice, Model, evolve_model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
 from cosim.effects import Effect, Estimate
 
@@ -34,8 +34,9 @@ class Answer(Enum):
 
 @frozen(eq=False)
 class Finding:
-    """A named effect: its evidence beside the others, parameters with 95 % intervals, rivals."""
+    """A named effect as the model has it: its evidence beside the others, parameters with 95 % intervals, rivals."""
 
+    choice: Choice
     evidence: Evidence
     parameters: dict[str, float]
     interval: dict[str, tuple[float, float]]
@@ -45,7 +46,7 @@ class Finding:
 
     @property
     def effect(self) -> Effect:
-        return self.evidence.candidate.choice.effect
+        return self.choice.effect
 
     @property
     def name(self) -> str:
@@ -195,7 +196,7 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     """Evidence, parameters, intervals and rivals of one chosen effect."""
     evidence, found = rivals(model, number, effects, rule, trials)
     values, interval = intervals(model, number)
-    return Finding(evidence, values, interval, found)
+    return Finding(model.choices[number], evidence, values, interval, found)
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

@@ -67,8 +67,8 @@ def weigh(model: Model, candidate: Candidate, trials: int, passes: int = 1) -> E
 
 def _of_noise(model: Model, new: Model) -> str:
     """Whether an effect that smooths the acceleration takes away no more than the encoder's noise that stands in it; empty where it takes more."""
-    choice, noise = new.choices[-1], from_encoders(model)
-    if not choice.effect.smooths or noise is None:
+    choice = new.choices[-1]
+    if not choice.effect.smooths or (noise := from_encoders(model)) is None:
         return ""
     joint = choice.joints[0]
     rows = model.setting.use[joint] & ~model.setting.rows.test

@@ -16,7 +16,7 @@ NEAR = 0.4  # share of the best candidate's gain from which on another is compar
 PLAIN = 0.97  # of the error that an unphysical step may leave at most to be taken: the data ask for it
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
 DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
-TANGENT = 0.005
+TANGENT = 0.005  # step of the central differences in nonlinear parameters: a fraction of the narrowest resonance
 CLEARLY = 1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
 
 

@@ -136,7 +136,7 @@ def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
 
 
 def _chunk(model: Model, effect: Effect, joints: tuple[int, ...], thetas):
-    full = effect.columns_of_all(model.scene, joints, thetas)
+    full = effect.columns_of_all(model.searched, joints, thetas)
     touched = {j for columns in full for j in columns}
     result: list[dict] = [{} for _ in thetas]
     for j in touched:
@@ -174,7 +174,7 @@ class Normal:
             return self.gain_of_late(choice)
         effect = choice.effect
         if columns is None:
-            full = effect.columns(self.model.scene, choice.joints, choice.theta)
+            full = effect.columns(self.model.searched, choice.joints, choice.theta)
             columns = {j: self.model.setting.rows.fitted(values, effect.sharp) for j, values in full.items()}
         return self.gain(columns, effect)
 

@@ -3,16 +3,17 @@
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.candidates import Candidate, Normal, screened
+from cosim.closure.candidates import Candidate, Normal
 from cosim.closure.evidence import Evidence, weigh
 from cosim.closure.floor import from_sensors
-from cosim.closure.model import Choice, Model, with_choices
+from cosim.closure.model import Choice, Model, columns_of, with_choices
 from cosim.closure.selection import Rule
 from cosim.closure.unnamed import Dependence, dependences, persistence
 
 PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to foretell
 LARGE = 0.01  # of the torque
 BEYOND, MUCH = 4.0, 0.03  # times the noise of the sensors, and share of the torque, from which on a residual cannot be called noise
+NEW = 2.0  # times the residual of fitted rows, and the noise, from which on held-out rows show what those do not
 FLEXIBLE = 2.5  # a basis of eight functions has to remove this many times what one column has to
 
 
@@ -44,7 +45,6 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
         basis = model.setting.rows.filtered(kind.columns(model.scene, (0,), ())[0], kind.sharp)
         for joint in range(model.setting.joints):
             model._cache[(kind.key, (joint,), (), tuple(model.laws))] = {joint: basis}
-            model._cache[("grid", kind.key, (joint,), tuple(model.laws))] = [((), {joint: basis[~model.setting.rows.test]})]
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is None:
                 continue
@@ -56,16 +56,35 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
     bare = set(range(model.setting.joints)) - {leftover.joint for leftover in found}
     found += _persistent(model, rule, bare, normal)
     bare -= {leftover.joint for leftover in found}
-    return (*found, *(Leftover(best[joint], sure=False) for joint in sorted(bare & beyond_noise(model) & set(best))))
+    return (*found, *(Leftover(best[joint], sure=False) for joint in sorted(bare & (beyond_noise(model) | only_held_out(model)) & set(best))))
 
 
 def beyond_noise(model: Model) -> set[int]:
-    """Joints (0-based) whose residual, fitted and held-out rows, is far larger than the noise of the sensors: they are not complete."""
-    noise, use = from_sensors(model), model.setting.use
-    if noise is None:
+    """Joints (0-based) whose residual, fitted or held out, is far larger than the noise of the sensors: they are not complete."""
+    if (noise := from_sensors(model)) is None:
         return set()
-    left, torque = (np.sqrt((np.where(use, x, 0) ** 2).sum(axis=1) / np.maximum(use.sum(axis=1), 1)) for x in (model.residual, model.target))
-    return set(np.flatnonzero((left > BEYOND * noise) & (left > MUCH * torque)).tolist())
+    far = [(left > BEYOND * noise) & (left > MUCH * torque) for left, torque in _halves(model)]
+    return set(np.flatnonzero(far[0] | far[1]).tolist())
+
+
+def only_held_out(model: Model) -> set[int]:
+    """Joints (0-based) whose held-out rows leave more than the noise of the sensors and far more than the fitted ones: they hold what those
+    do not show, as where only they cross a gap.
+    """
+    if (noise := from_sensors(model)) is None:
+        return set()
+    (fitted, _), (held, torque) = _halves(model)
+    return set(np.flatnonzero((held > NEW * np.maximum(fitted, noise)) & (held > LARGE * torque)).tolist())
+
+
+def _halves(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
+    """RMS (J,) of the residual and of the torque [N.m], of fitted and of held-out rows."""
+    test, use = model.setting.rows.test, model.setting.use
+    return [(_rms(model.residual, use & rows), _rms(model.target, use & rows)) for rows in (~test, test)]
+
+
+def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.where(use, x**2, 0).sum(axis=1) / np.maximum(use.sum(axis=1), 1))
 
 
 def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> tuple[Leftover, ...]:
@@ -90,10 +109,11 @@ def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
 
 def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Normal | None = None) -> Evidence | None:
     """The evidence for one dependence; None where its basis lies within the model."""
-    candidate = screened(model, normal or Normal(model), kind, (joint,))
-    if candidate.untestable or candidate.gain < 0.02:
+    normal, choice = normal or Normal(model), Choice(kind, (joint,))
+    screened = normal.gain_of(choice, {j: x[normal.train] for j, x in columns_of(model, choice, model.scene).items()})
+    if screened is None or (gain := screened[0] / normal.error((joint,))) < 0.02:
         return None
-    return weigh(model, Candidate(Choice(kind, (joint,), candidate.choice.theta), candidate.gain, candidate.beta, 1), trials)
+    return weigh(model, Candidate(choice, gain, screened[1], 1), trials)
 
 
 def _refusal(rule: Rule, evidence: Evidence, kind: Dependence) -> str:

@@ -147,6 +147,14 @@ class Model:
                     extra[:, j] += values @ beta[self.coefficients(number)]
         return evolve(scene, prediction=rigid + friction + extra)
 
+    @cached_property
+    def searched(self) -> Scene:
+        """The scene as `Motion.searched` has it: where a search forms columns."""
+        whole, (rows, motion) = self.scene, self.setting.motion.searched
+        cut = {name: getattr(whole, name)[rows] for name in ("sign", "rigid", "friction", "prediction")}
+        slopes = None if whole.rigid_slopes is None else lambda joint: tuple({j: x[rows] for j, x in by.items()} for by in whole.rigid_slopes(joint))
+        return evolve(whole, motion=motion, rigid_slopes=slopes, **cut)
+
     def _slopes(self, joint: int) -> tuple[dict[int, np.ndarray], ...]:
         """Derivatives of the rigid torque by q_j, dq_j, ddq_j with the parameters as fitted, each joint -> (n,)."""
         s = self.setting
@@ -221,17 +229,18 @@ def settled(model: Model) -> Model:
 def with_choices(model: Model, choices: tuple[Choice, ...], passes: int = 1) -> Model:
     """The model with these effects; dynamic columns are formed again from each new prediction."""
     scene = model.scene
-    columns = tuple(_columns(model, c, scene) for c in choices)
+    columns = tuple(columns_of(model, c, scene) for c in choices)
     new = Model(model.setting, model.laws, model.skew, model.weight, choices, columns, scene, model._cache)
     dynamic = any(c.effect.dynamic for c in choices)
     for _ in range(passes if dynamic else 0):
         scene = new.scene
-        columns = tuple(_columns(new, c, scene) if c.effect.dynamic else old for c, old in zip(choices, new.columns, strict=True))
+        columns = tuple(columns_of(new, c, scene) if c.effect.dynamic else old for c, old in zip(choices, new.columns, strict=True))
         new = evolve_model(new, columns=columns, seen=scene)
     return new
 
 
-def _columns(model: Model, choice: Choice, scene: Scene) -> dict[int, np.ndarray]:
+def columns_of(model: Model, choice: Choice, scene: Scene) -> dict[int, np.ndarray]:
+    """Filtered columns of a choice, joint -> (m, k); those that do not hang on the model's prediction are kept."""
     laws_used = tuple(model.laws[j] for j in range(model.setting.joints))
     key = (choice.effect.key, choice.joints, choice.theta, laws_used)
     if choice.effect.dynamic:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, noise_left, position_noise, slope_kernel
 from cosim.errors import InputError, Problem
@@ -51,6 +51,24 @@ class Motion:
     def joints(self) -> int:
         """Number of joints nj."""
         return self.q.shape[1]
+
+    @cached_property
+    def searched(self) -> tuple[np.ndarray, "Motion"]:
+        """Rows (n',) up to the last fitted one of each run, and the motion of these alone: what a search forms columns on.
+
+        Held-out rows take no part in it. Effects with memory have the same state there as on the whole motion.
+        """
+        last = [int(np.flatnonzero(~self.test[a:b]).max(initial=-1)) for a, b in self.bounds]
+        kept = [(k, a, a + end + 1) for k, ((a, _), end) in enumerate(zip(self.bounds, last, strict=True)) if end >= 0]
+        counts = np.array([stop - a for _, a, stop in kept], int)
+        rows = np.concatenate([np.zeros(0, int), *(np.arange(a, stop) for _, a, stop in kept)])
+        signals = {name: getattr(self, name) for name in ("time", "test", "q", "dq", "ddq", "tau", "tau_raw", "q_ref", "force", "regressor", "rigid")}
+        return rows, evolve(
+            self, **{name: x[rows] for name, x in signals.items() if x is not None}, other={name: x[rows] for name, x in self.other.items()},
+            bounds=tuple((int(end - count), int(end)) for end, count in zip(np.cumsum(counts), counts, strict=True)),
+            names=tuple(self.names[k] for k, _, _ in kept), run=np.repeat(np.arange(len(kept)), counts),
+            commands=tuple(self.commands[k][: (stop - a) * self.stride] for k, a, stop in kept),
+        )  # fmt: skip
 
     def per_run(self, function, x: np.ndarray) -> np.ndarray:
         """Apply a function to the rows of each run of x (n, ...)."""
@@ -140,7 +158,8 @@ class Rows:
     """Thinned rows: which are used for which joint, in which block they lie.
 
     index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal, nor at an end;
-    block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows; train_blocks their count.
+    block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows; train_blocks their count;
+    searched (n',) rows of the full rate that `Motion.searched` keeps.
     """
 
     index: np.ndarray
@@ -151,6 +170,7 @@ class Rows:
     test: np.ndarray
     standstill_speed: np.ndarray
     block_seconds: float
+    searched: np.ndarray
     thin: object
     thin_sharp: object
 
@@ -159,12 +179,12 @@ class Rows:
         return (self.thin_sharp if sharp else self.thin) @ np.ascontiguousarray(x)
 
     def fitted(self, x: np.ndarray, sharp: bool) -> np.ndarray:
-        """As `filtered`, on the fitted rows alone."""
+        """As `filtered`, of a column of the searched rows, on the fitted rows alone: (n', k) -> (m', k)."""
         return self._fitted[sharp] @ np.ascontiguousarray(x)
 
     @cached_property
     def _fitted(self) -> tuple:
-        return self.thin[~self.test], self.thin_sharp[~self.test]
+        return tuple(operator[~self.test][:, self.searched] for operator in (self.thin, self.thin_sharp))
 
 
 def thinned(motion: Motion) -> Rows:
@@ -178,7 +198,7 @@ def thinned(motion: Motion) -> Rows:
     block, train_blocks, blocks, seconds = _blocks(motion, index, test)
     return Rows(
         index=index, moving=moving, block=block, blocks=blocks, train_blocks=train_blocks, test=test,
-        standstill_speed=speed, block_seconds=seconds,
+        standstill_speed=speed, block_seconds=seconds, searched=motion.searched[0],
         thin=_operator(motion, index, motion.widths.second), thin_sharp=_operator(motion, index, motion.widths.total),
     )  # fmt: skip
 

@@ -47,11 +47,11 @@ def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarr
 
 
 def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
-    """The joint's own inertia (n,) along the motion, at least a tenth of its median, and that median [kg.m^2]."""
+    """The joint's own inertia (n,) along the motion, at least a tenth of its median on fitted rows, and that median [kg.m^2]."""
     known = _SLOPES.setdefault(scene, {})
     if ("inertia", joint) not in known:
         own = slopes(scene, joint)[2][joint]
-        usual = max(float(np.median(own)), 1e-12)
+        usual = max(float(np.median(own[~scene.motion.test])), 1e-12)
         known["inertia", joint] = np.maximum(own, 0.1 * usual), usual
     return known["inertia", joint]
 

@@ -156,6 +156,7 @@ def test_three_mistakes_are_all_listed_and_nothing_runs(tmp_path):
         (["run", "--set", "experiment.fmi=1"], "experiment.fmi: expected 2 or 3"),
         (["run", "--set", "arm_l.fmu='none.fmu'"], "components.arm_l.fmu: expected a file"),
         (["run", "--set", "arm_l.gravity_compensation=2"], "true or false"),
+        (["sweep", "gain-delay", "--workers", "0"], "0 is not in the range"),
     ],
 )
 def test_bad_input_is_one_message(words, message, tmp_path):

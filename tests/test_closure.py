@@ -288,6 +288,7 @@ BAD = {
     "name = 'stribeck'\njoints = [1]\ntheta = [0.2, 1.5]": "theta: expected 2 numbers in the range",
     "name = 'actuator_lag'\njoints = [1]\ntheta = [0]": "theta: expected 1 numbers in the range",
     "name = 'joint_coupling'\njoints = [2]\ntheta = [7, 0, 0]": "theta: expected 3 numbers in the range",
+    "name = 'joint_coupling'\njoints = [2]\ntheta = [0, 1, -0.1]": "theta: expected 3 numbers in the range",
     "name = 'quadratic_drag'\njoints = [2]\n[effects.parameters]\nx = 'y'": "parameters: expected finite numbers",
     "name = ['stribeck']\njoints = [1]": "name: expected a known effect",
     "nam = 'stribeck'\njoints = [1]": "did you mean 'name'",

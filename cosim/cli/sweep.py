@@ -10,7 +10,7 @@ import typer
 
 def command(
     spec: Annotated[str, typer.Argument(help="name of a shipped sweep, or a TOML file")],
-    workers: Annotated[Optional[int], typer.Option(help="worker processes (default: one a core)")] = None,
+    workers: Annotated[Optional[int], typer.Option(min=1, help="worker processes (default: one a core)")] = None,
     dask: Annotated[
         Optional[str], typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")
     ] = None,

@@ -171,10 +171,10 @@ def _unfit(where: str, choice: Choice, scene: Scene) -> list[Problem]:
 
 
 def _physical(effect: Effect, theta: tuple[float, ...], grid: Sequence[tuple[float, ...]]) -> bool:
-    """Positive where all of the grid is; what is no continuous parameter is a whole number of the grid, the others stand under a step of zero."""
+    """Positive where all of the grid is, nor below zero where none of it is and nothing bounds it; what is no continuous parameter is a whole number of the grid, the others stand under a step of zero."""
     moving = effect.continuous(theta)
     for k, (value, column) in enumerate(zip(theta, zip(*grid, strict=True), strict=True)):
-        if min(column) > 0 and value <= 0:
+        if min(column) > 0 and value <= 0 or k not in moving and min(column) >= 0 > value:
             return False
         if k in moving and not np.allclose(effect.moved(theta, k, 0.0), theta, rtol=1e-6, atol=1e-6):
             return False

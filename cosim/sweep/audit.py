@@ -1,6 +1,6 @@
 """A random audit of a traced map: how much area can have been missed."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 from attrs import field, frozen
@@ -44,6 +44,12 @@ class AuditPlan:
     seed: int = 1
     level: float = 0.95
 
+    def draws(self) -> Iterator[Places]:
+        """Uniform random places for one round after the other, whatever the map is like."""
+        rng = np.random.default_rng([self.seed, 77])
+        while True:
+            yield [tuple(float(x) for x in place) for place in rng.uniform(0.0, 1.0, (self.points, 2))]
+
 
 def audited(precision: Precision, plan: AuditPlan) -> Generator[Places, list[float], tuple[Boundary, Audit]]:
     """Trace, audit at uniform random places, refine where the audit was surprised, audit again at new places.
@@ -51,15 +57,13 @@ def audited(precision: Precision, plan: AuditPlan) -> Generator[Places, list[flo
     The bound comes from the last round alone: its places are independent of the map they test.
     """
     boundary: Boundary = yield from trace_square(precision)
-    rng = np.random.default_rng([plan.seed, 77])
     surprises: list[tuple[float, float]] = []
     wrong: list[tuple[float, float]] = []
     if plan.points == 0:
         return boundary, Audit(0, 0, 1.0, plan.level, 0)
-    for turn in range(1, plan.rounds + 1):
-        places = rng.uniform(0.0, 1.0, (plan.points, 2))
-        values = yield [tuple(float(x) for x in place) for place in places]
-        wrong = _contradictions(boundary, places, values, precision.tolerance)
+    for turn, places in zip(range(1, plan.rounds + 1), plan.draws()):
+        values = yield places
+        wrong = _contradictions(boundary, np.array(places), values, precision.tolerance)
         surprises += wrong
         if not wrong or turn == plan.rounds:
             break

@@ -89,19 +89,20 @@ def carry_out(
     folder: Path,
     workers: Workers,
     executor: str = "",
-    chunk: int = 8,
+    chunk: int = 4,
     tell: Callable[[Progress], None] | None = None,
     origin: str = "",
 ) -> Campaign:
     """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
 
-    The points asked for and their order depend on findings only, so that any number of workers gives the same table.
+    The points asked for and their order depend on findings only, so that any number of workers gives the same table. A round
+    is filled up to `chunk` points (and their twins: the kernel's lanes) a worker with what will be asked for anyway, the audit.
     Raises InputError where the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)
     with Journal(folder / "journal.jsonl", fingerprint(task, origin)) as journal:
         before = len(journal.findings)
-        board = _Board(task, journal, workers, chunk, tell)
+        board = _Board(task, journal, workers, chunk, tell, _ahead(sweep))
         course = _course(sweep)
         try:
             asked = next(course)
@@ -117,21 +118,25 @@ def carry_out(
 class _Board:
     """Points asked for so far, in order, and the journal that remembers what was found."""
 
-    def __init__(self, task: Task, journal: Journal, workers: Workers, chunk: int, tell) -> None:
-        self.task, self.journal, self.workers, self.chunk, self.tell = task, journal, workers, chunk, tell
+    def __init__(self, task: Task, journal: Journal, workers: Workers, chunk: int, tell, ahead: Round) -> None:
+        self.task, self.journal, self.workers, self.chunk, self.tell, self.ahead = task, journal, workers, chunk, tell, ahead
         self.asked: dict[str, Point] = {}
         self.began, self.fresh = time.perf_counter(), 0
 
     def answer(self, points: Round) -> list[Finding]:
         """Findings of the points, in their order."""
         self.asked |= {p.key: p for p in points if p.key not in self.asked}
-        missing = list({p.key: p for p in points if p.key not in self.journal.findings}.values())
+        missing = self._unknown(points)
+        room = -len(missing) % (self.chunk * self.workers.count)
         self._report()
-        for answered, findings in self.workers.answers(self.task, missing, self.chunk):
+        for answered, findings in self.workers.answers(self.task, self._unknown([*missing, *self.ahead])[: len(missing) + room], self.chunk):
             self.journal.add(answered, findings)
             self.fresh += len(answered)
             self._report()
         return [self.journal.findings[p.key] for p in points]
+
+    def _unknown(self, points: Round) -> Round:
+        return list({p.key: p for p in points if p.key not in self.journal.findings}.values())
 
     def _report(self) -> None:
         if self.tell:
@@ -165,7 +170,7 @@ def _listed(points: Sequence[Point]) -> Course:
 
 def _traced(sweep: Sweep) -> Course:
     """All tracers of the sweep side by side: their rounds are put together, so that workers have enough to do."""
-    combinations = list(product(*(axis.steps() for axis in sweep.enumerated)))
+    combinations = _combinations(sweep)
     tracers = [_tracer(sweep) for _ in combinations]
     asked = [next(tracer) for tracer in tracers]
     found: list[tuple[Boundary, Audit | None] | None] = [None] * len(tracers)
@@ -182,6 +187,22 @@ def _traced(sweep: Sweep) -> Course:
     return tuple(_curve(sweep, entries, *result) for entries, result in zip(combinations, found))
 
 
+def _combinations(sweep: Sweep) -> list[tuple]:
+    """Entries of the axes that are not traced, a boundary each."""
+    return list(product(*(axis.steps() for axis in sweep.enumerated)))
+
+
+def _ahead(sweep: Sweep) -> Round:
+    """Points that will be asked for whatever is found: those of the first audit."""
+    if not isinstance(sweep.design, BoundaryDesign) or len(sweep.traced) != 2:
+        return []
+    return [_place(sweep, others, shares) for others in _combinations(sweep) for shares in next(_audit(sweep.design).draws())]
+
+
+def _audit(design: BoundaryDesign) -> AuditPlan:
+    return AuditPlan(design.audit, design.audit_rounds, design.seed + 1, design.level)
+
+
 def _tracer(sweep: Sweep) -> Generator:
     design = sweep.design
     if isinstance(design, LevelSet):
@@ -189,7 +210,7 @@ def _tracer(sweep: Sweep) -> Generator:
     precision = Precision(design.tolerance, design.cells, design.seed)
     if len(design.trace) == 1:
         return trace_line(precision)
-    return audited(precision, AuditPlan(design.audit, design.audit_rounds, design.seed + 1, design.level))
+    return audited(precision, _audit(design))
 
 
 def _place(sweep: Sweep, others: Sequence[object], shares: Sequence[float]) -> Point:

@@ -28,6 +28,7 @@ class DaskPool(Workers):
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         from distributed import as_completed
 
+        self.count = max(1, sum(self.client.ncores().values()))
         waiting = {self._submit(task, chunk.points): chunk for chunk in chunked(points, size)}
         ready = as_completed(list(waiting), loop=self.client.loop)
         for future in ready:

@@ -66,7 +66,9 @@ def chunked(points: Sequence[Point], size: int) -> list[Chunk]:
 
 
 class Workers(ABC):
-    """Evaluates points; a context manager."""
+    """Evaluates points; a context manager. `count`: how many chunks at once."""
+
+    count = 1
 
     @abstractmethod
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
@@ -108,10 +110,11 @@ class LocalPool(Workers):
 
     def __init__(self, count: int) -> None:
         first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-        self.staff = [_Worker(first) for _ in range(max(1, count))]
+        self.count = max(1, count)
+        self.staff = [_Worker(first) for _ in range(self.count)]
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
-        share = -(-len(points) // len(self.staff))
+        share = -(-len(points) // self.count)
         todo = deque(chunked(points, min(size, max(1, share))))
         while todo or any(worker.chunk for worker in self.staff):
             for worker in self.staff:

@@ -187,8 +187,8 @@ def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e
     rank = int(min(order, np.sum(s > cut * s[0]), (delays - 1) * channels - 1))
     if rank < 1:
         return np.empty(0, complex)
-    shift = np.linalg.lstsq(u[:-channels, :rank], u[channels:, :rank], rcond=None)[0]
-    z = np.linalg.eigvals(shift)
+    upper, lower = u[:-channels, :rank], u[channels:, :rank]  # of orthonormal columns: the normal equations are well conditioned
+    z = np.linalg.eigvals(np.linalg.solve(upper.T @ upper, upper.T @ lower))
     z = z[np.abs(z) > 1e-8]
     return np.log(z.astype(complex)) / step
 
@@ -216,12 +216,13 @@ def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
     """RMS that each pole contributes to `signals`, over the later half of the window; `found`: one of each conjugate pair."""
     exponents = np.outer(step * np.arange(len(signals)), found)
     basis = np.exp(np.clip(exponents.real, -300, 300) + 1j * exponents.imag)
-    size = np.sqrt(np.sum(basis.real**2 + basis.imag**2, axis=0))
+    power = basis.real**2 + basis.imag**2
+    size = np.sqrt(power.sum(axis=0))
     columns = np.hstack([basis.real / size, basis.imag / size])
     amplitude = np.hypot(*np.split(np.linalg.lstsq(columns, signals, rcond=1e-10)[0], 2)) / size[:, None]
-    late = np.abs(basis[len(basis) // 2 :])
+    late = power[len(power) // 2 :].mean(axis=0)
     pairs = np.where(found.imag > 0, 0.5, 1.0)
-    return pairs * np.sqrt(np.mean(late**2, axis=0)) * np.linalg.norm(amplitude, axis=1)
+    return pairs * np.sqrt(late) * np.linalg.norm(amplitude, axis=1)
 
 
 # envelope ------------------------------------------------------------------------------------------------------------

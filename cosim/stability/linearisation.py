@@ -221,20 +221,19 @@ class _Paths:
         return total
 
     def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
-        component, output, age = self.sources[f"{name}.{variable}"]
-        return {
-            Way(round(way.age + age, 12), way.channels): vector
-            for way, vector in self._output(component, output).items()
-        }
+        if (name, variable) not in self.known:
+            component, output, age = self.sources[f"{name}.{variable}"]
+            self.known[name, variable] = {
+                Way(round(way.age + age, 12), way.channels): vector
+                for way, vector in self._output(component, output).items()
+            }
+        return self.known[name, variable]
 
     def _output(self, name: str, variable: str) -> dict[Way, np.ndarray]:
-        if (name, variable) not in self.known:
-            fmu = self.fmus[name]
-            row = fmu.outputs.index(variable)
-            found = self._sum(name, fmu.c[row], fmu.d[row])
-            through = (name,) if name in self.channels else ()
-            self.known[name, variable] = {Way(way.age, way.channels + through): v for way, v in found.items()}
-        return self.known[name, variable]
+        fmu = self.fmus[name]
+        row = fmu.outputs.index(variable)
+        through = (name,) if name in self.channels else ()
+        return {Way(way.age, way.channels + through): v for way, v in self._sum(name, fmu.c[row], fmu.d[row]).items()}
 
 
 def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:

@@ -72,17 +72,21 @@ def _interpolation(nodes: np.ndarray, point: float) -> np.ndarray:
 
 
 def generator(system: DelaySystem, order: int) -> np.ndarray:
-    """Infinitesimal generator collocated on N + 1 Chebyshev nodes of [-tau, 0], shape ((N + 1) n, (N + 1) n).
+    """Infinitesimal generator collocated on N + 1 Chebyshev nodes of [-tau, 0], shape (n + N m, n + N m).
 
-    First block row: x'(0) = sum_i A_i p(-tau_i); other rows: p'(theta_j), with p the interpolating polynomial
-    (Breda, Maset, Vermiglio 2005, eq. 4).
+    First n rows: x'(0) = sum_i A_i p(-tau_i); other rows: p'(theta_j), with p the interpolating polynomial
+    (Breda, Maset, Vermiglio 2005, eq. 4) of the m states whose past acts: that of the others would only follow them.
     """
     nodes, derivative = chebyshev(order)
-    matrix = np.kron(2.0 / system.longest * derivative, np.eye(system.size))
-    rows = np.zeros((system.size, (order + 1) * system.size))
+    delayed = [np.any(term, axis=0) for term, delay in zip(system.matrices, system.delays) if delay > 0.0]
+    n, past = system.size, np.flatnonzero(np.any(delayed, axis=0))
+    slopes = np.kron(2.0 / system.longest * derivative[1:], np.eye(len(past)))
+    matrix = np.zeros((n + len(slopes), n + len(slopes)))
+    matrix[n:, past], matrix[n:, n:] = np.split(slopes, [len(past)], axis=1)
     for term, delay in zip(system.matrices, system.delays):
-        rows += np.kron(_interpolation(nodes, 1.0 - 2.0 * delay / system.longest), term)
-    matrix[: system.size] = rows
+        weights = _interpolation(nodes, 1.0 - 2.0 * delay / system.longest)
+        matrix[:n, :n] += weights[0] * term
+        matrix[:n, n:] += np.kron(weights[1:], term[:, past])
     return matrix
 
 
@@ -179,6 +183,7 @@ def abscissa(system: DelaySystem) -> float:
     1e-7: a linearisation by differences moves it a little); so are roots below 1e-5 of the loop's frequency then.
     -inf where no other root was found.
     """
+    system = balanced(system)
     neutral = _neutral(system)
     found = roots(system, at_most=neutral + 4, sure=neutral + 2)
     if neutral:

@@ -154,17 +154,11 @@ class FmuSlave(Slave):
         Raises RunError where the FMU gives no directional derivatives.
         """
         found, column = np.zeros((len(unknowns), len(knowns))), np.zeros(len(unknowns))
-        call, rows, seed = self.function("GetDirectionalDerivative"), self.references(unknowns), np.ones(1)
-        double = ctypes.c_double
+        call, rows, count = self.function("GetDirectionalDerivative"), self.references(unknowns), len(unknowns)
+        seed, into = pointer_to(np.ones(1), ctypes.c_double), pointer_to(column, ctypes.c_double)
+        rest = (1, seed, into) if self.prefix == "fmi2" else (1, seed, 1, into, count)
         for k, known in enumerate(knowns):
-            sizes = (1,) if self.prefix == "fmi2" else (1, pointer_to(seed, double), 1)
-            arguments = [self.component, rows, len(unknowns), self.references([known]), *sizes]
-            arguments += (
-                [pointer_to(seed, double), pointer_to(column, double)]
-                if self.prefix == "fmi2"
-                else [pointer_to(column, double), len(unknowns)]
-            )
-            self.check(call(*arguments), f"directional derivative by {known}")
+            self.check(call(self.component, rows, count, self.references([known]), *rest), f"directional derivative by {known}")
             found[:, k] = column
         return found
 

@@ -114,6 +114,7 @@ def test_commands_import_nothing_heavy_at_the_top(path):
         "pathlib",
         "sys",
         "os",
+        "gc",
         "typing",
         "enum",
         "collections",

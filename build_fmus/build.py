@@ -58,7 +58,7 @@ def fmu_path(
     table = load_table(source_root() / model / "model.toml")
     if table.model.name != model:
         raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
-    return build(Job(override(table, dict(start or {})), fmi, check_platforms(platforms)), progress)
+    return build(Job(override(table, dict(start)) if start else table, fmi, check_platforms(platforms)), progress)
 
 
 def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:

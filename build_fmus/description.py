@@ -1,6 +1,6 @@
 """modelDescription.xml for FMI 2.0 and FMI 3.0, both from the variable table."""
 
-from xml.sax.saxutils import quoteattr
+from html import escape
 
 from build_fmus.header import nominal
 from build_fmus.table import Scalar, Table, Variable
@@ -27,7 +27,7 @@ def describe(table: Table, fmi: int, token: str) -> str:
 
 def element(tag: str, attributes: dict[str, object], children: list[str] = ()) -> str:
     """One XML element; attributes that are None are left out, children are indented."""
-    text = "".join(f" {k}={quoteattr(_text(v))}" for k, v in attributes.items() if v is not None)
+    text = "".join(f' {k}="{escape(_text(v))}"' for k, v in attributes.items() if v is not None)
     if not children:
         return f"<{tag}{text}/>"
     inner = "\n".join("  " + line for child in children for line in child.split("\n"))

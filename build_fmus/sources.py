@@ -56,9 +56,8 @@ def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) 
 
 def _resolve(wanted: str, folders: list[Path]) -> Path:
     for folder in folders:
-        path = (folder / wanted).resolve()
-        if path.is_file():
-            return path
+        if (folder / wanted).is_file():
+            return (folder / wanted).resolve()
     raise BuildError(f"{folders[0]}: the included file {wanted} is not there")
 
 

@@ -5,7 +5,7 @@ import re
 import tomllib
 from collections.abc import Iterable
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -182,16 +182,21 @@ def load_table(path: Path) -> Table:
             data.setdefault(key, []).extend({**row, **size} for row in part.get(key, []))
     if problems:
         raise BuildError(problems)
-    converter = cattrs.Converter()
-    converter.register_structure_hook(float | list[float], lambda value, _: value)
     try:
-        table = converter.structure(data, Table)
+        table = _converter().structure(data, Table)
     except Exception as error:
         raise BuildError(f"{path}: {text}" for text in cattrs.transform_error(error)) from error
     problems = list(check(table))
     if problems:
         raise BuildError(f"{path}: {problem}" for problem in problems)
     return table
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    converter = cattrs.Converter()
+    converter.register_structure_hook(float | list[float], lambda value, _: value)
+    return converter
 
 
 def _read(path: Path) -> dict:

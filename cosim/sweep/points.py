@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from hashlib import sha256
 
 import numpy as np
@@ -20,7 +21,7 @@ class Point:
     entries: tuple[object, ...]
     values: tuple[tuple[str, object], ...]
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Hash of the values: the same point has the same key in every process."""
         return sha256(json.dumps(self.values, sort_keys=True).encode()).hexdigest()[:24]

@@ -18,15 +18,11 @@ def starts_of(
     """
     component, where = scenario.components[name], f"{scenario.name}: {name}"
     values: dict[str, float | str] = {}
-    known = dict.fromkeys([*description.stems("parameter"), *description.names("parameter")])
     for key, value in start_values(component).items():
         names = description.elements(key)
         if not names:
-            problems.append(
-                Problem(
-                    f"{where}.{key}", f"a parameter of {description.model}", "an unknown one", did_you_mean(key, known)
-                )
-            )
+            known = dict.fromkeys([*description.stems("parameter"), *description.names("parameter")])
+            problems.append(Problem(f"{where}.{key}", f"a parameter of {description.model}", "an unknown one", did_you_mean(key, known)))
             continue
         given = value if isinstance(value, (list, tuple)) else [value] * len(names)
         if len(given) != len(names):

@@ -123,30 +123,31 @@ def _modes_growth(time: np.ndarray, level: np.ndarray) -> Growth | None:
     whole = _modes_from(time, level, 0.0)
     if whole is not None and whole.half_width < _SHARP:
         return whole
-    later = _modes_from(time, level, 0.4)
-    if whole is None or later is None:
-        return whole or later
-    return later if 3.0 * later.half_width < whole.half_width else whole
+    return _modes_from(time, level, 0.4, whole.half_width / 3.0 if whole else np.inf) or whole
 
 
-def _modes_from(time: np.ndarray, level: np.ndarray, begin: float) -> Growth | None:
+def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float = np.inf) -> Growth | None:
+    """Least damped mode from the share `begin` of the run on; None as soon as it is sure that half its interval reaches `limit`."""
     first, count = int(begin * len(time)), len(time)
     length = int(0.55 * (count - first))
     if length < 40:
         return None
-    starts = first + np.linspace(0, count - first - length, 3).astype(int)
-    windows = [dominant_mode(time[s : s + length], level[s : s + length]) for s in starts]
-    if any(mode is None for mode in windows):
-        return None
-    rates = np.array([mode.real for mode in windows])
-    rate, half = _interval(rates)
+    rates: list[float] = []
+    for s in first + np.linspace(0, count - first - length, 3).astype(int):
+        mode = dominant_mode(time[s : s + length], level[s : s + length])
+        if mode is None:
+            return None
+        rates.append(mode.real)
+        if 0.5 * _T95[2] * np.ptp(rates) >= limit:  # three values deviate by half their range at least
+            return None
+    rate, half = _interval(np.array(rates))
     # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by sqrt(3).
     half = max(np.sqrt(3.0) * half, 1e-9)
-    return Growth(
+    return None if half >= limit else Growth(
         rate,
         float(rate - half),
         float(rate + half),
-        float(abs(windows[-1].imag)),
+        float(abs(mode.imag)),
         (float(time[first]), float(time[-1])),
         "modes",
     )

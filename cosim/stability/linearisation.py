@@ -189,7 +189,9 @@ class _Paths:
     def __init__(
         self, wiring: Wiring, fmus: Mapping[str, LinearFmu], states: Sequence[str], channels: set[str]
     ) -> None:
-        self.fmus, self.place, self.size = fmus, {s: k for k, s in enumerate(states)}, len(states)
+        place = {s: k for k, s in enumerate(states)}
+        self.fmus, self.size = fmus, len(states)
+        self.places = {name: [place[f"{name}.{state}"] for state in fmu.states] for name, fmu in fmus.items()}
         self.channels = channels
         age = {str(hop.connection): hop.age for hop in wiring.hops}
         self.sources = {
@@ -202,8 +204,7 @@ class _Paths:
         """One matrix (n, n) for every way."""
         total: dict[Way, np.ndarray] = {Way(0.0, ()): np.zeros((self.size, self.size))}
         for name, fmu in self.fmus.items():
-            for row, state in enumerate(fmu.states):
-                k = self.place[f"{name}.{state}"]
+            for row, k in enumerate(self.places[name]):
                 for way, vector in self._sum(name, fmu.a[row], fmu.b[row]).items():
                     total.setdefault(way, np.zeros((self.size, self.size)))[k] += vector
         return total
@@ -211,8 +212,7 @@ class _Paths:
     def _sum(self, name: str, by_state: np.ndarray, by_input: np.ndarray) -> dict[Way, np.ndarray]:
         fmu, total = self.fmus[name], {}
         own = np.zeros(self.size)
-        for state, weight in zip(fmu.states, by_state):
-            own[self.place[f"{name}.{state}"]] = weight
+        own[self.places[name]] = by_state
         _add(total, Way(0.0, ()), own)
         for variable, weight in zip(fmu.inputs, by_input):
             if weight != 0.0:

@@ -115,6 +115,7 @@ def test_commands_import_nothing_heavy_at_the_top(path):
         "sys",
         "os",
         "gc",
+        "atexit",
         "typing",
         "enum",
         "collections",

@@ -4,6 +4,7 @@ A module `cosim/cli/<name>.py` (dashes as underscores) defines `command(...)` wi
 `typer.Typer` with subcommands. Exit codes: 0 done, 1 the run failed, 2 bad input, 130 interrupted.
 """
 
+import atexit
 import gc
 import os
 import sys
@@ -31,7 +32,8 @@ _REPEATED = ("--test", "--platform")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it; our matrices are small, a second thread only waits
-    gc.set_threshold(10_000)  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command
+    gc.set_threshold(10_000)  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command,
+    atexit.register(gc.freeze)  # and a tenth once more at its end
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = _repeated([word for word in words if word != "--debug"])

@@ -138,6 +138,27 @@ def test_the_summary_has_the_keys_of_the_contract(tmp_path):
     assert all(len(vertex) == 2 for line in found["boundary"] for vertex in line)
 
 
+class Wide(Here):
+    """As many as `count` chunks at once; remembers how many points each round had."""
+
+    def __init__(self, count):
+        self.count, self.rounds = count, []
+
+    def answers(self, task, points, size):
+        self.rounds.append(len(points))
+        return super().answers(task, points, size)
+
+
+def test_rounds_are_filled_up_with_points_of_the_audit_and_the_table_stays_the_same(tmp_path):
+    described, tables = sweep("quick", BoundaryDesign(("a", "b"), cells=4, audit=60), pause=0.0), []
+    for count in (1, 3):
+        staff = Wide(count)
+        campaign = carry_out(described, tmp_path / str(count), staff, chunk=4)
+        tables.append(json.dumps(columns(campaign)))
+        assert sum(staff.rounds) == len(campaign.points) and all(n % (4 * count) == 0 for n in staff.rounds[:3])
+    assert tables[0] == tables[1]
+
+
 def loop_axes():
     return (Axis("stiffness", "N/m", ("c.k",), 0.1, 1.0), Axis("delay", "s", ("c.d",), 0.05, 0.8))
 

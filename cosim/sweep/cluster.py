@@ -25,10 +25,13 @@ class DaskPool(Workers):
         except (OSError, ValueError) as error:
             raise InputError(Problem("--dask", "the address of a Dask scheduler", repr(address), str(error))) from None
 
+    @property
+    def count(self) -> int:
+        return max(1, sum(self.client.ncores().values()))
+
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         from distributed import as_completed
 
-        self.count = max(1, sum(self.client.ncores().values()))
         waiting = {self._submit(task, chunk.points): chunk for chunk in chunked(points, size)}
         ready = as_completed(list(waiting), loop=self.client.loop)
         for future in ready:

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from cosim.closure.replay import begun, replay, without_hold
+from cosim.closure.replay import _smoothed, begun, replay, without_hold
 from cosim.errors import RunError
 from cosim.measured import Recording, Run, parse_description
 
@@ -62,6 +62,15 @@ def test_without_a_reference_the_drive_is_guided_along_the_recorded_path():
     assert found.kind == "guided"
     assert found.after[0] < 0.5 and found.before[0] > 5.0
     assert any("no law" in note for note in found.warnings)
+
+
+def test_the_path_that_guides_goes_on_at_its_ends():
+    """A steady turn under an encoder's noise stays one: a kernel that held the ends would stop the drive there, against its torque."""
+    time, random = np.arange(0, 2, 1e-3), np.random.default_rng(0)
+    turn = Run("turn", time, (0.5 * time + 1e-4 * random.normal(size=len(time)))[:, None], np.ones((len(time), 1)), time > 1)
+    found = _smoothed(turn, np.array([1.0]))[:, 0]
+    assert np.abs(found - 0.5 * time).max() < 4e-4
+    assert np.abs(np.diff(found)[[0, -1]] / 1e-3 - 0.5).max() < 0.1
 
 
 @pytest.mark.parametrize(

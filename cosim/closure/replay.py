@@ -148,7 +148,7 @@ def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
 
 
 def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
-    """The recorded path with as little smoothing as keeps the damping quiet.
+    """The recorded path with as little smoothing as keeps the damping quiet; mirrored through its ends, so that it does not stop there.
 
     Noise s of q makes noise s sqrt(H / (4 sqrt(pi) w^3)) of dq behind a Gaussian of width w.
     """
@@ -157,7 +157,9 @@ def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
         rate = np.sqrt(run.step / (4 * np.sqrt(np.pi) * width**3)) if width else 1 / (np.sqrt(2) * run.step)
         if (damping * noise * rate < allowed).all():
             break
-    return convolve(run.q, kernel(width / run.step)) if width else run.q
+    weights = kernel(width / run.step)
+    reach = len(weights) // 2
+    return convolve(np.pad(run.q, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd"), weights)[reach : reach + len(run)]
 
 
 def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:

@@ -22,11 +22,12 @@ class Code:
 
 @frozen
 class Table:
-    """Rows of cells under a header. Numbers are written with six significant digits, None as a dash, `Code` as code."""
+    """Rows of cells under a header. Numbers are written with `digits` significant ones, None as a dash, `Code` as code."""
 
     header: Sequence[str] = field(converter=tuple)
     rows: Sequence[Sequence[object]] = field(converter=lambda rows: tuple(tuple(row) for row in rows))
     caption: str = ""
+    digits: int = 6
 
 
 @frozen
@@ -80,16 +81,16 @@ def render(report: Report) -> str:
     return environment.get_template("report.html.j2").render(report=report, made=made)
 
 
-def cell(value: object) -> str:
-    """A table cell as text: floats with six significant digits, None as a dash, lists with commas."""
+def cell(value: object, digits: int = 6) -> str:
+    """A table cell as text: floats with so many significant digits, None as a dash, lists with commas."""
     if value is None:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float) or type(value).__name__.startswith("float"):
-        return f"{value:.6g}"
+        return f"{value:.{digits}g}"
     if isinstance(value, (list, tuple)):
-        return ", ".join(cell(item) for item in value)
+        return ", ".join(cell(item, digits) for item in value)
     return str(value)
 
 

@@ -56,7 +56,7 @@ def _errors(closure: Closure) -> Section | None:
             "Standstill and reversals are left out: the direction of friction is not known there; beside it the error with reversals. The floor is what repeats of one "
             "motion differ by. A dash: no repeats, or a joint that does not move in these rows.")  # fmt: skip
     figure = Figure(plots.error_bars(e.before, e.after, e.interval, floor, labels), "Held-out error of the torque")
-    return Section("Error before and after", text, [Table(header, rows, "RMS error of the torque [%]")], [figure])
+    return Section("Error before and after", text, [Table(header, rows, "RMS error of the torque [%]", digits=3)], [figure])
 
 
 def _cell(value: float | tuple[float, float] | None) -> float | str | None:
@@ -156,7 +156,7 @@ def _parameters(closure: Closure) -> Section | None:
     if any(map(effective, closure.verdict.findings)):
         text += (" Compliance and damping beside a gap are effective values: they hold how the link bounces between its sides, "
                  "which smoothed motion hides.")  # fmt: skip
-    return Section("Parameters of the effects", text, [Table(("effect", "joints", "FMU parameter", "value", "interval", "equation"), rows)])
+    return Section("Parameters of the effects", text, [Table(("effect", "joints", "FMU parameter", "value", "interval", "equation"), rows, digits=4)])
 
 
 def _candidates(closure: Closure) -> Section | None:
@@ -169,7 +169,7 @@ def _candidates(closure: Closure) -> Section | None:
             state = "accepted" if e is step.taken else (why or "another candidate explains more")
             rows.append((e.name, [j + 1 for j in e.joints], 100 * e.gain_fit, 100 * e.gain_held, e.t_fit, e.t_held, e.p, 100 * e.size, state))
         header = ("effect", "joints", "removed, fitted [%]", "removed, held out [%]", "t fitted", "t held out", "p", "share of torque [%]", "decision")
-        tables.append(Table(header, rows, f"Round {number}: candidates beside what was accepted before"))
+        tables.append(Table(header, rows, f"Round {number}: candidates beside what was accepted before", digits=3))
     untestable = [(c.choice.effect.name, [j + 1 for j in c.choice.joints], c.reason, c.choice.effect.needs) for c in closure.selection.untestable]
     if untestable:
         tables.append(Table(("effect", "joints", "why", "needs"), untestable, "What this data cannot show"))
@@ -179,14 +179,14 @@ def _candidates(closure: Closure) -> Section | None:
 
 
 def _leftovers(closure: Closure) -> Section | None:
-    rows = [(x.joint + 1, " and ".join(x.signals), 100 * x.evidence.gain_fit, x.evidence.t_fit, x.evidence.p)
+    rows = [(x.joint + 1, " and ".join(x.signals) + ("" if x.sure else " (comes closest; more than the sensors' noise is left)"), 100 * x.evidence.gain_fit, x.evidence.t_fit, x.evidence.p)
             for x in closure.verdict.leftovers[:12]]  # fmt: skip
     rows += [(", ".join(map(str, f.joints)), f"{f.name} (withdrawn): {why}", 100 * f.evidence.gain_fit, f.evidence.t_fit, f.evidence.p)
              for f, why in closure.verdict.withdrawn]  # fmt: skip
     if not rows:
         return None
     text = "Smooth functions of these signals still lower the error of blocks that the fit has not seen, without a name."
-    return Section("What is left without a name", text, [Table(("joint", "signals", "removed [%]", "t", "p"), rows)])
+    return Section("What is left without a name", text, [Table(("joint", "signals", "removed [%]", "t", "p"), rows, digits=3)])
 
 
 def _replay(closure: Closure) -> Section | None:
@@ -201,7 +201,7 @@ def _replay(closure: Closure) -> Section | None:
     text = (f"The recorded experiment ({r.kind}) as a co-simulation with the old and the new FMU, held-out rows. Positions: RMS in rad or m. "
             "A replay can disagree with the torque error: its errors feed back through the controller. A dash: a model that could not be "
             "replayed (see the warnings).")  # fmt: skip
-    return Section("Replay as a co-simulation", text, [Table(header, rows)], figures)
+    return Section("Replay as a co-simulation", text, [Table(header, rows, digits=3)], figures)
 
 
 def _next(closure: Closure) -> Section | None:

@@ -23,7 +23,7 @@ def torque_before_after(time: np.ndarray, measured: np.ndarray, before: np.ndarr
         right.plot(time[keep], after[j, keep], color=BLUE, lw=1.0, label="residual after")
         left.set_ylabel(f"{label} [{unit}]")
         if j == 0:
-            left.legend(loc="upper right"), right.legend(loc="upper right")
+            left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1)), right.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
     for ax in axes[-1]:
         ax.set_xlabel("time [s], held-out rows")
     return to_svg(fig)
@@ -110,7 +110,7 @@ def replayed(time: np.ndarray, measured: np.ndarray, before: np.ndarray, after: 
         ax.plot(time[keep], after[keep, j], color=BLUE, lw=0.9, label="new FMU")
         ax.set_ylabel(f"{label} [{unit}]")
         if j == 0:
-            ax.legend(ncols=3, loc="upper right")
+            ax.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
     axes[-1, 0].set_xlabel("time [s]")
     return to_svg(fig)
 

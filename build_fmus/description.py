@@ -19,6 +19,8 @@ LOG_CATEGORIES = {
 VARIABILITY = {"parameter": "fixed", "tunable": "tunable"}
 CAUSALITY = {"tunable": "parameter", "state": "local"}
 
+_BREAKS = {ord(c): f"&#{ord(c)};" for c in "\t\n\r"}  # a parser would make spaces of them
+
 
 def describe(table: Table, fmi: int, token: str) -> str:
     """Text of modelDescription.xml."""
@@ -27,7 +29,7 @@ def describe(table: Table, fmi: int, token: str) -> str:
 
 def element(tag: str, attributes: dict[str, object], children: list[str] = ()) -> str:
     """One XML element; attributes that are None are left out, children are indented."""
-    text = "".join(f' {k}="{escape(_text(v))}"' for k, v in attributes.items() if v is not None)
+    text = "".join(f' {k}="{escape(_text(v)).translate(_BREAKS)}"' for k, v in attributes.items() if v is not None)
     if not children:
         return f"<{tag}{text}/>"
     inner = "\n".join("  " + line for child in children for line in child.split("\n"))

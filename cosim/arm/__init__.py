@@ -21,7 +21,14 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> object:
-    """The public names, each imported with its module when it is asked for: a co-simulation needs the parameter sets alone."""
+    """The modules and their public names, imported when they are asked for: a co-simulation needs the parameter sets alone."""
+    if name in _HOMES:
+        return import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -188,8 +188,8 @@ def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e
     rank = int(min(order, np.sum(s > cut * s[0]), (delays - 1) * channels - 1))
     if rank < 1:
         return np.empty(0, complex)
-    upper, lower = u[:-channels, :rank], u[channels:, :rank]  # of orthonormal columns: the normal equations are well conditioned
-    z = np.linalg.eigvals(np.linalg.solve(upper.T @ upper, upper.T @ lower))
+    shift = np.linalg.lstsq(u[:-channels, :rank], u[channels:, :rank], rcond=None)[0]
+    z = np.linalg.eigvals(shift)
     z = z[np.abs(z) > 1e-8]
     return np.log(z.astype(complex)) / step
 

@@ -96,7 +96,7 @@ def carry_out(
     """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
 
     The points asked for and their order depend on findings only, so that any number of workers gives the same table. A round
-    is filled up to `chunk` points (and their twins: the kernel's lanes) a worker with what will be asked for anyway, the audit.
+    is filled up to `chunk` points a worker with what will be asked for anyway, the audit.
     Raises InputError where the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)

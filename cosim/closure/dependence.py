@@ -56,7 +56,11 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
     bare = set(range(model.setting.joints)) - {leftover.joint for leftover in found}
     found += _persistent(model, rule, bare, normal)
     bare -= {leftover.joint for leftover in found}
-    return (*found, *(Leftover(best[joint], sure=False) for joint in sorted(bare & (beyond_noise(model) | only_held_out(model)) & set(best))))
+    large = sorted(bare & (beyond_noise(model) | only_held_out(model)))
+    for joint in set(large) - set(best):
+        every = (weighed(model, kind, joint, trials, normal, least=0.0) for kind in kinds)
+        best[joint] = min((e for e in every if e is not None), key=Evidence.error)
+    return (*found, *(Leftover(best[joint], sure=False) for joint in large))
 
 
 def beyond_noise(model: Model) -> set[int]:
@@ -107,11 +111,11 @@ def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
     return tuple(e for e in found if e is not None)
 
 
-def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Normal | None = None) -> Evidence | None:
-    """The evidence for one dependence; None where its basis lies within the model."""
+def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Normal | None = None, least: float = 0.02) -> Evidence | None:
+    """The evidence for one dependence; None where its basis lies within the model or removes less than a share `least` of the fitted rows' error."""
     normal, choice = normal or Normal(model), Choice(kind, (joint,))
     screened = normal.gain_of(choice, {j: x[normal.train] for j, x in columns_of(model, choice, model.scene).items()})
-    if screened is None or (gain := screened[0] / normal.error((joint,))) < 0.02:
+    if screened is None or (gain := screened[0] / normal.error((joint,))) < least:
         return None
     return weigh(model, Candidate(choice, gain, screened[1], 1), trials)
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.smoothing import Widths, choose_widths, convolve, curve_kernel, kernel, noise_left, position_noise, slope_kernel
+from cosim.closure.smoothing import REACH, Widths, choose_widths, convolve, curve_kernel, kernel, noise_left, position_noise, slope_kernel
 from cosim.errors import InputError, Problem
 from cosim.measured import Recording, Run
 
@@ -54,20 +54,17 @@ class Motion:
 
     @cached_property
     def searched(self) -> tuple[np.ndarray, "Motion"]:
-        """Rows (n',) up to the last fitted one of each run, and the motion of these alone: what a search forms columns on.
-
-        Held-out rows take no part in it. Effects with memory have the same state there as on the whole motion.
+        """Rows (n',) of each run up to the filter's reach behind its last fitted one, and the motion of these alone: what a search forms
+        columns on. Held-out rows take no part in it. Effects with memory have the same state there as on the whole motion.
         """
-        last = [int(np.flatnonzero(~self.test[a:b]).max(initial=-1)) for a, b in self.bounds]
-        kept = [(k, a, a + end + 1) for k, ((a, _), end) in enumerate(zip(self.bounds, last, strict=True)) if end >= 0]
-        counts = np.array([stop - a for _, a, stop in kept], int)
-        rows = np.concatenate([np.zeros(0, int), *(np.arange(a, stop) for _, a, stop in kept)])
-        signals = {name: getattr(self, name) for name in ("time", "test", "q", "dq", "ddq", "tau", "tau_raw", "q_ref", "force", "regressor", "rigid")}
+        reach = int(np.ceil(REACH * self.widths.total / self.step))
+        counts = np.array([min(int(np.flatnonzero(~self.test[a:b]).max(initial=0)) + 1 + reach, b - a) for a, b in self.bounds])
+        rows = np.concatenate([np.arange(a, a + count) for (a, _), count in zip(self.bounds, counts, strict=True)])
+        signals = {name: getattr(self, name) for name in ("time", "run", "test", "q", "dq", "ddq", "tau", "tau_raw", "q_ref", "force", "regressor", "rigid")}
         return rows, evolve(
             self, **{name: x[rows] for name, x in signals.items() if x is not None}, other={name: x[rows] for name, x in self.other.items()},
             bounds=tuple((int(end - count), int(end)) for end, count in zip(np.cumsum(counts), counts, strict=True)),
-            names=tuple(self.names[k] for k, _, _ in kept), run=np.repeat(np.arange(len(kept)), counts),
-            commands=tuple(self.commands[k][: (stop - a) * self.stride] for k, a, stop in kept),
+            commands=tuple(u[: count * self.stride] for u, count in zip(self.commands, counts, strict=True)),
         )  # fmt: skip
 
     def per_run(self, function, x: np.ndarray) -> np.ndarray:

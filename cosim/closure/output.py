@@ -9,6 +9,7 @@ from attrs import evolve
 from cosim.closure import effects_file
 from cosim.closure.answer import answer
 from cosim.closure.closure import Closure
+from cosim.closure.dependence import Leftover
 from cosim.closure.effects_file import stepped
 from cosim.closure.verdict import Answer, Finding
 
@@ -88,11 +89,18 @@ def sentence(closure: Closure) -> str:
     if verdict.answer is Answer.COMPLETE:
         beside = f" beside those of the earlier pass ({names})" if names else ""
         return f"model_complete: no effect is missing that this data can show{beside}. {held}"
-    left = "; ".join(dict.fromkeys(f"joint {x.joint + 1}: {' and '.join(x.signals)}" for x in verdict.leftovers[:3]))
+    left = "; ".join(dict.fromkeys(map(_left, verdict.leftovers[:3])))
     if verdict.answer is Answer.UNEXPLAINED:
-        return f"unexplained: something is missing without a name{f' (the residual depends on {left})' if left else ''}. {held}"
+        return f"unexplained: something is missing without a name{f' ({left})' if left else ''}. {held}"
     rest = f" Something else is left without a name ({left})." if left else ""
     return f"effect_found: {names}. {held}{rest}"
+
+
+def _left(leftover: Leftover) -> str:
+    signals = " and ".join(leftover.signals)
+    if leftover.sure:
+        return f"the residual of joint {leftover.joint + 1} depends on {signals}"
+    return f"joint {leftover.joint + 1} leaves more than its sensors' noise; no signal surely explains it, {signals} comes closest"
 
 
 def _named(found: Finding) -> str:

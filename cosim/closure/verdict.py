@@ -8,7 +8,7 @@ from attrs import evolve, field, frozen
 
 from cosim.closure.aliases import LISTED, Rival, indistinguishable, rivals
 from cosim.closure.candidates import Candidate
-from cosim.closure.dependence import Leftover, corrected, in_place, leftovers, only_held_out
+from cosim.closure.dependence import Leftover, corrected, in_place, leftovers
 from cosim.closure.evidence import Evidence, standard_errors, weigh
 from cosim.closure.model import Choice, Model, evolve_model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
@@ -16,7 +16,6 @@ from cosim.effects import Effect, Estimate
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
 MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
-HALF = 0.5  # of the held-out squared error that names may leave where held-out rows hold something new
 STEADY = 1.5  # factor by which a coefficient may change beside it
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
@@ -110,7 +109,8 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
-        model = polished(with_choices(selection.before, tuple(c for k, c in enumerate(model.choices) if k not in reasons)))
+        left_over = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
+        model = polished(with_choices(selection.before, left_over)) if left_over != selection.before.choices else selection.before
         left = leftovers(model, rule) or left
     rest = {leftover.joint for leftover in left}
     kept = tuple(evolve(f, rest=bool(rest & set(f.evidence.joints))) for f in kept)
@@ -147,7 +147,7 @@ def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[i
             continue
         base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
         here = [leftover for leftover in left if leftover.joint == joint]
-        reason = _too_much_left(base, model, here, numbers, rule) or _unnamed_better(base, model, joint) or _unlike(base, model, joint, numbers)
+        reason = _too_much_left(base, model, here, numbers, rule) or _unnamed_better(base, model, joint)
         if reason:
             out |= dict.fromkeys(numbers, reason)
     return out
@@ -166,16 +166,6 @@ def _too_much_left(base: Model, model: Model, here: list[Leftover], numbers: lis
         return ""
     return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {joint + 1}; "
             f"{' and '.join(here[0].signals)} explains the rest without a name")  # fmt: skip
-
-
-def _unlike(base: Model, model: Model, joint: int, numbers: list[int]) -> str:
-    """Whether held-out rows hold something that fitted ones do not show, and the names explain less than half of them."""
-    if joint not in only_held_out(model) or any(model.choices[k].effect.of_time for k in numbers):
-        return ""
-    without, names = (float(m.joint_error()[1][:, joint].sum()) for m in (base, model))
-    if names < HALF * without:
-        return ""
-    return f"held-out rows hold what fitted ones do not show: it explains {100 * (1 - names / without):.0f} % of their squared error"
 
 
 def _stands_beside(model: Model, number: int, leftover: Leftover, rule: Rule) -> bool:

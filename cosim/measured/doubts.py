@@ -214,13 +214,13 @@ def _emptied_runs(runs: tuple[Run, ...], joint: int, label: str) -> list[str]:
 
 
 def _outside(recording: Recording) -> list[str]:
-    """Count held-out rows whose position leaves the range of the training rows."""
+    """Held-out rows whose position leaves the range of the training rows, per joint."""
     train = [run.q[run.train] for run in recording.runs if run.train.any()]
     held = [run.q[run.test] for run in recording.runs if run.test.any()]
     if not train or not held:
         return []
     fit, test = np.concatenate(train), np.concatenate(held)
     margin = 0.02 * np.ptp(fit, axis=0)
-    out = ((test < fit.min(axis=0) - margin) | (test > fit.max(axis=0) + margin)).any(axis=1)
-    count = int(out.sum())
-    return [f"{count} of {len(test)} held-out rows leave the range of q of the training rows"] if count else []
+    out = 100 * ((test < fit.min(axis=0) - margin) | (test > fit.max(axis=0) + margin)).mean(axis=0)
+    beyond = [f"{label} {share:.2g} %" for label, share in zip(recording.joints, out, strict=True) if share]
+    return [f"held-out rows leave the range of q of the training rows: {', '.join(beyond)}"] if beyond else []

@@ -8,7 +8,7 @@ from attrs import define, evolve, field, frozen
 from cosim.closure.friction import FORMS, Law, laws
 from cosim.closure.gram import Fit, Gram, accumulate, fit
 from cosim.closure.setting import Setting
-from cosim.effects import Effect, Scene
+from cosim.effects import Effect, Estimate, Scene
 from cosim.effects.effect import Theta
 
 
@@ -122,6 +122,11 @@ class Model:
         sizes = [next(iter(c.values())).shape[1] for c in self.columns]
         start = self.base.shape[2] + sum(sizes[:number])
         return slice(start, start + sizes[number])
+
+    def unphysical(self, number: int, scene: Scene | None = None) -> str:
+        """Why the estimate of choice `number` cannot be its effect, beside the model or another scene; empty where it can."""
+        choice, part = self.choices[number], self.coefficients(number)
+        return choice.effect.unphysical(Estimate(self.fit.beta[part], self.fit.std[part], choice.theta, choice.joints, scene or self.scene))
 
     @cached_property
     def scene(self) -> Scene:

@@ -8,7 +8,7 @@ from attrs import evolve, frozen
 from cosim.closure.candidates import BETWEEN, Candidate, screen, shifted
 from cosim.closure.evidence import Evidence, relative_error, weigh
 from cosim.closure.model import Choice, Model, evolve_model, filtered, settled, spread, train_error, with_choices
-from cosim.effects import Effect, Estimate
+from cosim.effects import Effect
 
 
 FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
@@ -275,18 +275,14 @@ def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choic
     def error(trial: Model) -> float:
         return float(relative_error(trial)[0].sum())
 
-    def physical(trial: Model) -> bool:
-        part = trial.coefficients(number)
-        return not choice.effect.unphysical(Estimate(trial.fit.beta[part], trial.fit.std[part], trial.choices[number].theta, choice.joints, model.scene))
-
     start = tried(choice.theta)
-    best, value, held = choice.theta, error(start), physical(start)
+    best, value, held = choice.theta, error(start), not start.unphysical(number, model.scene)
     for step in (0.25, 0.12, 0.06, 0.03, 0.015):
         for sign in (1, -1):
             for _ in range(4):
                 theta = choice.effect.moved(best, index, sign * step)
                 trial = tried(theta)
-                if (new := error(trial)) >= value or held and new > PLAIN * value and not physical(trial):
+                if (new := error(trial)) >= value or held and new > PLAIN * value and trial.unphysical(number, model.scene):
                     break
                 best, value = theta, new
     return evolve(choice, theta=best)

@@ -105,7 +105,7 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     earlier = {choice.key for choice in selection.before.choices}
     findings = [evolve(finding(model, k, effects, rule, selection.trials), earlier=choice.key in earlier)
                 for k, choice in enumerate(model.choices)]  # fmt: skip
-    reasons = _unphysical(model) | reasons
+    reasons = {k: reason for k in range(len(model.choices)) if (reason := model.unphysical(k))} | reasons  # refits move estimates
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
@@ -115,17 +115,6 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     rest = {leftover.joint for leftover in left}
     kept = tuple(evolve(f, rest=bool(rest & set(f.evidence.joints))) for f in kept)
     return _answer(kept, withdrawn, left, model)
-
-
-def _unphysical(model: Model) -> dict[int, str]:
-    """Choices (by number) whose estimate in the final model is not physical: refits move coefficients and nonlinear parameters."""
-    out = {}
-    for k, choice in enumerate(model.choices):
-        part = model.coefficients(k)
-        estimate = Estimate(model.fit.beta[part], model.fit.std[part], choice.theta, choice.joints, model.scene)
-        if reason := choice.effect.unphysical(estimate):
-            out[k] = reason
-    return out
 
 
 def _answer(kept, withdrawn, left, model: Model) -> Verdict:

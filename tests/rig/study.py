@@ -130,16 +130,18 @@ def ratio(o, floors):
 
 
 def table(found, names, sizes, floors):
-    """Per effect: right of all runs at each size; the least named and the most missed, in floors; error after over the floor."""
-    heads = ("effect", *(f"size {a:g}" for a in sizes), "named from", "missed up to", "error after / floor", "wrong names")
+    """Per effect: right of all runs at each size, and by how far it shows (in floors), a detection curve; error after over the floor."""
+    edges = (0, 0.5, 1, 2, 4, np.inf)
+    spans = [f"{low:g} to {high:g}" if high < np.inf else f"above {low:g}" for low, high in zip(edges, edges[1:], strict=False)]
+    heads = ("effect", *(f"size {a:g}" for a in sizes), *spans, "error after / floor", "wrong names")
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     for name in names:
         own = [o for o in found if o.label == name]
         cells = [f"{sum(o.right for o in group)}/{len(group)}" for a in sizes for group in [[o for o in own if o.size == a]]]
-        named, missed = ([share(o, floors) for o in own if o.right is right] for right in (True, False))
+        curve = [[o.right for o in own if low <= share(o, floors) < high] for low, high in zip(edges, edges[1:], strict=False)]
         after = [ratio(o, floors)[1] for o in own if o.right and not o.extra]
         extra = [f[0] for o in own for f in o.extra]
-        cells += [f"{x:.2f}" if np.isfinite(x) else "-" for x in (min(named, default=np.nan), max(missed, default=np.nan), np.median(after or [np.nan]))]
+        cells += [*(f"{sum(hits)}/{len(hits)}" if hits else "" for hits in curve), f"{np.median(after):.2f}" if after else "-"]
         print(f"| {' | '.join((name, *cells, ', '.join(f'{n} {extra.count(n)}' for n in sorted(set(extra)))))} |")
 
 

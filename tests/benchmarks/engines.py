@@ -443,13 +443,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="simulated time")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--only", choices=["tiny", "real"])
+    parser.add_argument("--ways", nargs="+", default=[""], help='those whose names hold one of these words, such as "C master" "ours, compiled"')
     arguments = parser.parse_args()
     print(f"{machine()}, `--rounds {arguments.rounds}`")
     for which in [arguments.only] if arguments.only else ["tiny", "real"]:
         with tempfile.TemporaryDirectory(prefix="cosim-bench-") as folder:
             case = cases(which, arguments.seconds, Path(folder))
             title = f"{which} FMUs: {len(case.names)} FMUs, {len(case.wiring.links)} connections, {len(case.wiring.signals)} signals kept"
-            print(report(title, measure(case, ENGINES | WITHOUT_FMI[which], arguments.rounds)), flush=True)
+            ways = {name: way for name, way in (ENGINES | WITHOUT_FMI[which]).items() if any(words in name for words in arguments.ways)}
+            print(report(title, measure(case, ways, arguments.rounds)), flush=True)
     os._exit(0)  # fmpy's instances are freed in no good order at the end of a process
 
 

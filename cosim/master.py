@@ -164,11 +164,11 @@ class Timetable:
     def result(self, wiring: Wiring, rows: Rows, ending: Ending, wall: float) -> Result:
         """The result of a run of `wiring`, which may differ from the timetable's in start values: rows (rows, names)."""
         experiment = wiring.scenario.experiment
-        count = ending.steps // experiment.record_every + 1
+        count, tick = ending.steps // experiment.record_every + 1, experiment.record_every * experiment.step_ns
         early = ending.steps < experiment.steps
         return Result(
             wiring.scenario, ending.outcome or Outcome.BOUNDED,
-            np.arange(count) * experiment.record_every * experiment.step_ns / 1_000_000_000,
+            np.arange(0, count * tick, tick) / 1_000_000_000,
             Columns(self.names, rows, count), self.units, seconds(ending.steps, experiment.step_ns) if early else None,
             ending.message, wall, self.fmus, ending.failure, ending.interrupted,
         )  # fmt: skip

@@ -42,7 +42,7 @@ class _Slave(ctypes.Structure):
         ("set3", c_void_p), ("get3", c_void_p), ("step3", c_void_p), ("input_refs", c_void_p), ("slope_refs", c_void_p),
         ("output_refs", c_void_p), ("orders", c_void_p), ("inputs", c_void_p), ("slopes", c_void_p), ("outputs", c_void_p),
         ("n_inputs", c_int64), ("n_slopes", c_int64), ("n_outputs", c_int64), ("offset", c_int64),
-        ("event", c_void_p), ("terminate", c_void_p), ("early", c_void_p), ("reached", c_void_p),
+        ("remembered", c_int64), ("event", c_void_p), ("terminate", c_void_p), ("early", c_void_p), ("reached", c_void_p),
     ]  # fmt: skip
 
 
@@ -216,6 +216,8 @@ class _Loop:
         slaves = (_Slave * len(job.slaves))(
             *[_native(slave, offset, self.arena) for slave, offset in zip(job.slaves, job.schedule.offset)]
         )
+        for component in job.schedule.remembered:
+            slaves[component].remembered = 1
         phases = self.arena.phases(job.schedule.phases, job.columns, job.schedule.step_ns)
         self.native = _Job(
             self.arena.structures(slaves), phases, len(job.schedule.phases), self.arena.array(job.store),

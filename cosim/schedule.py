@@ -101,6 +101,14 @@ class Schedule:
         """Number of outputs n of all components; the store holds 2n values."""
         return sum(self.count)
 
+    @property
+    def remembered(self) -> tuple[int, ...]:
+        """Components whose previous outputs are read, for a line, for a value held longer, or for a row."""
+        read = [x for phase in self.phases for o in phase.operations if isinstance(o, SetInputs) for x in (o.source, o.newer, o.older)]
+        places = np.concatenate([*read, *(phase.record.source for phase in self.phases)])
+        past = np.searchsorted(np.cumsum(self.count), places[places >= self.outputs] - self.outputs, side="right")
+        return tuple(np.unique(past).tolist())
+
 
 @frozen
 class Port:

@@ -48,7 +48,8 @@ typedef struct {
     const int *orders; /* FMI 2: the order of every slope, 1 */
     double *inputs, *slopes, *outputs;
     int64_t n_inputs, n_slopes, n_outputs;
-    int64_t offset; /* place of its outputs in the store */
+    int64_t offset;     /* place of its outputs in the store */
+    int64_t remembered; /* whether anything reads its previous outputs */
     _Bool *event, *terminate, *early;
     double *reached;
 } Slave;
@@ -79,7 +80,7 @@ typedef struct {
     Slave *slaves;
     const Phase *phases;
     int64_t n_phases;
-    double *store; /* [2 n_outputs]: current, then previous outputs */
+    double *store; /* [2 n_outputs]: current, then previous outputs (of remembered instances) */
     int64_t n_outputs;
     double *table; /* [rows][n_columns] */
     int64_t n_columns, every;
@@ -130,6 +131,7 @@ static int fetch(Slave *s, double *outputs, Job *job)
 static int get_outputs(Slave *s, double *store, int64_t n, Job *job)
 {
     double *newest = store + s->offset, *older = store + n + s->offset;
+    if (!s->remembered) return fetch(s, newest, job);
     const size_t size = (size_t)s->n_outputs * sizeof(double);
     memcpy(older, newest, size);
     const int status = fetch(s, newest, job);

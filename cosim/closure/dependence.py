@@ -56,7 +56,7 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
     bare = set(range(model.setting.joints)) - {leftover.joint for leftover in found}
     found += _persistent(model, rule, bare, normal)
     bare -= {leftover.joint for leftover in found}
-    large = sorted(bare & (beyond_noise(model) | only_held_out(model)))
+    large = sorted(bare & beyond_noise(model))
     for joint in set(large) - set(best):
         every = (weighed(model, kind, joint, trials, normal, least=0.0) for kind in kinds)
         best[joint] = min((e for e in every if e is not None), key=Evidence.error)
@@ -64,27 +64,16 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
 
 
 def beyond_noise(model: Model) -> set[int]:
-    """Joints (0-based) whose residual, fitted or held out, is far larger than the noise of the sensors: they are not complete."""
-    if (noise := from_sensors(model)) is None:
-        return set()
-    far = [(left > BEYOND * noise) & (left > MUCH * torque) for left, torque in _halves(model)]
-    return set(np.flatnonzero(far[0] | far[1]).tolist())
-
-
-def only_held_out(model: Model) -> set[int]:
-    """Joints (0-based) whose held-out rows leave more than the noise of the sensors and far more than the fitted ones: they hold what those
-    do not show, as where only they cross a gap.
+    """Joints (0-based) that are not complete whatever signals explain: their residual, fitted or held out, is far larger than the noise of
+    the sensors, or held-out rows leave more than that noise and far more than fitted ones do, as where only they cross a gap.
     """
     if (noise := from_sensors(model)) is None:
         return set()
-    (fitted, _), (held, torque) = _halves(model)
-    return set(np.flatnonzero((held > NEW * np.maximum(fitted, noise)) & (held > LARGE * torque)).tolist())
-
-
-def _halves(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
-    """RMS (J,) of the residual and of the torque [N.m], of fitted and of held-out rows."""
     test, use = model.setting.rows.test, model.setting.use
-    return [(_rms(model.residual, use & rows), _rms(model.target, use & rows)) for rows in (~test, test)]
+    (fitted, _), (held, torque) = halves = [(_rms(model.residual, use & rows), _rms(model.target, use & rows)) for rows in (~test, test)]
+    far = [(left > BEYOND * noise) & (left > MUCH * whole) for left, whole in halves]
+    new = (held > NEW * np.maximum(fitted, noise)) & (held > LARGE * torque)
+    return set(np.flatnonzero(far[0] | far[1] | new).tolist())
 
 
 def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:

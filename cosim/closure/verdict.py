@@ -109,8 +109,8 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
-        left_over = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
-        model = polished(with_choices(selection.before, left_over)) if left_over != selection.before.choices else selection.before
+        choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
+        model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
         left = leftovers(model, rule) or left
     rest = {leftover.joint for leftover in left}
     kept = tuple(evolve(f, rest=bool(rest & set(f.evidence.joints))) for f in kept)

@@ -90,11 +90,11 @@ def visibility(found, floors):
     edges = (0, 0.25, 0.5, 0.75, 1, 1.5, 2, 4, np.inf)
     shown = np.array([share(o, floors) for o in found])
     print("| adds to the residual, times the floor | runs | right | with a wrong name |\n|---|---|---|---|")
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high, span in _spans(edges):
         group = [o for o, x in zip(found, shown, strict=True) if low <= x < high]
         if group:
             right, extra = 100 * np.mean([o.right for o in group]), sum(bool(o.extra) for o in group)
-            print(f"| {f'{low:g} to {high:g}' if high < np.inf else f'above {low:g}'} | {len(group)} | {right:.0f} % | {extra} |")
+            print(f"| {span} | {len(group)} | {right:.0f} % | {extra} |")
     limit = next((x for x in edges[:-1] if np.mean([o.right for o, y in zip(found, shown, strict=True) if y >= x] or [0]) >= 0.95), None)
     if limit is None:
         print("\nNo detection limit: less than 95 % are right however far the effects show.")
@@ -106,6 +106,11 @@ def visibility(found, floors):
     missed = [o for o in above if not o.right or o.extra]
     print("Missed or beside: " + "; ".join(
         f"{o.label} {o.size:g}, seed {o.seed}: {' '.join(f[0] for f in o.found) or o.verdict}" for o in missed))  # fmt: skip
+
+
+def _spans(edges):
+    """Neighbouring edges, and the span between them in words."""
+    return [(low, high, f"{low:g} to {high:g}" if high < np.inf else f"above {low:g}") for low, high in zip(edges, edges[1:], strict=False)]
 
 
 def precision(found, floors):
@@ -131,14 +136,13 @@ def ratio(o, floors):
 
 def table(found, names, sizes, floors):
     """Per effect: right of all runs at each size, and by how far it shows (in floors), a detection curve; error after over the floor."""
-    edges = (0, 0.5, 1, 2, 4, np.inf)
-    spans = [f"{low:g} to {high:g}" if high < np.inf else f"above {low:g}" for low, high in zip(edges, edges[1:], strict=False)]
-    heads = ("effect", *(f"size {a:g}" for a in sizes), *spans, "error after / floor", "wrong names")
+    spans = _spans((0, 0.5, 1, 2, 4, np.inf))
+    heads = ("effect", *(f"size {a:g}" for a in sizes), *(span for _, _, span in spans), "error after / floor", "wrong names")
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     for name in names:
         own = [o for o in found if o.label == name]
         cells = [f"{sum(o.right for o in group)}/{len(group)}" for a in sizes for group in [[o for o in own if o.size == a]]]
-        curve = [[o.right for o in own if low <= share(o, floors) < high] for low, high in zip(edges, edges[1:], strict=False)]
+        curve = [[o.right for o in own if low <= share(o, floors) < high] for low, high, _ in spans]
         after = [ratio(o, floors)[1] for o in own if o.right and not o.extra]
         extra = [f[0] for o in own for f in o.extra]
         cells += [*(f"{sum(hits)}/{len(hits)}" if hits else "" for hits in curve), f"{np.median(after):.2f}" if after else "-"]

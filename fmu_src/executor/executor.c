@@ -131,11 +131,10 @@ static int fetch(Slave *s, double *outputs, Job *job)
 static int get_outputs(Slave *s, double *store, int64_t n, Job *job)
 {
     double *newest = store + s->offset, *older = store + n + s->offset;
-    if (!s->remembered) return fetch(s, newest, job);
     const size_t size = (size_t)s->n_outputs * sizeof(double);
-    memcpy(older, newest, size);
+    if (s->remembered) memcpy(older, newest, size);
     const int status = fetch(s, newest, job);
-    if (status > 1) memcpy(newest, older, size); /* as before the call that failed */
+    if (status > 1) memset(newest, 0, size); /* the run ends: what the failed call left there is no output of this instance */
     return status;
 }
 

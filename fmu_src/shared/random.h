@@ -14,10 +14,12 @@ static inline uint64_t random_mix(uint64_t z) {
     return z ^ (z >> 31);
 }
 
-/* Uniform in [0, 1), 53 bits. seed, stream and k are integers from 0 to 2^53 held in doubles. */
+/* Uniform in [0, 1), 53 bits. seed, stream and k are integers from 0 to 2^53 held in doubles; what is no such k (a time beyond all
+ * counting, or none at all) counts as 0, for C says nothing of its conversion. */
 static inline double random_uniform(double seed, double stream, double k) {
     const uint64_t start = random_mix((uint64_t)seed + UINT64_C(0x9e3779b97f4a7c15) * ((uint64_t)stream + 1));
-    const uint64_t z = random_mix(start + UINT64_C(0x9e3779b97f4a7c15) * ((uint64_t)k + 1));
+    const uint64_t count = k >= 0.0 && k <= 9007199254740992.0 ? (uint64_t)k : 0;
+    const uint64_t z = random_mix(start + UINT64_C(0x9e3779b97f4a7c15) * (count + 1));
     return (double)(z >> 11) * (1.0 / 9007199254740992.0);
 }
 

@@ -31,6 +31,8 @@ CASES = {
     "payload": hidden("payload", SIZE, 12),
     "cross": outside("cross", SIZE, 12),
     "drag_at_angle": outside("drag_at_angle", SIZE, 13),
+    "loaded_ripple": outside("loaded_ripple", SIZE, 13),
+    "eccentric": outside("eccentric", SIZE, 12),
 }
 
 
@@ -56,12 +58,20 @@ def test_a_hidden_effect_is_named_on_its_joint(outcomes, name):
     assert outcome.after[joint] < 0.7 * outcome.before[joint]
 
 
-@pytest.mark.parametrize("name", ["cross", "drag_at_angle"])
+@pytest.mark.parametrize("name", [n for n, c in CASES.items() if "unknown" in c.truth])
 def test_an_effect_that_no_library_has_gets_no_name(outcomes, name):
     outcome = outcomes[name]
     assert (outcome.verdict, outcome.found) == ("unexplained", [])
     joint = next(iter(outcome.truth["unknown"]))
     assert joint in {j for j, _ in outcome.unknown}
+
+
+def test_what_has_no_name_is_corrected_in_its_own_form(outcomes):
+    """A ripple that grows with the load and an encoder off its centre: neither is a smooth function of one signal."""
+    for name in ("loaded_ripple", "eccentric"):
+        joint = next(iter(CASES[name].truth["unknown"]))
+        assert outcomes[name].after[joint - 1] < 0.5 * outcomes[name].before[joint - 1]
+        assert [f"q{joint}", f"tau{joint}"] in [signals for _, signals in outcomes[name].unknown]
 
 
 def test_parameters_come_out_as_they_were_put_in(outcomes):

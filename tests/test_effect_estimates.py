@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from cosim.closure.candidates import Normal, screened
+from cosim.closure.closure import Options, close_loop
 from cosim.closure.errors import torque_error
 from cosim.closure.model import complete, with_choices
 from cosim.closure.motion import prepare, thinned
 from cosim.closure.selection import polished
 from cosim.closure.setting import pose
-from cosim.closure.verdict import intervals
+from cosim.closure.verdict import Answer, intervals
 from cosim.effects import BUILT_IN, Estimate
 from cosim.measured import Description, Recording, Run
 
@@ -19,6 +20,7 @@ RATES = np.array(((0.7, 1.9, 3.1, 4.3), (0.9, 1.6, 2.9, 4.7), (0.8, 2.1, 3.4, 4.
 COULOMB, VISCOUS = np.array((0.025, 0.009, 0.009)), np.array((2e-3, 1.5e-3, 1e-3))
 COUPLED, TURNS = (1e-3, 2e-3), 0.01  # N.m.s/rad and N.m on joint 1 from joint 2, and the speed over which that turns
 STIFFNESS, DAMPING, PLACE = 5.0, 0.05, 0.07  # N/m, N.s/m, m
+LEVEL, SPEED = 6e-3, 0.15  # N.m, rad/s
 DEAD = 1.8e-3  # N.m
 SLOPE, CONSTANT = 0.02, 30.0  # 1/s, s: T the length of the recording, as the tool takes it
 
@@ -65,7 +67,22 @@ def recorded(effect, seconds=30.0):
     return Recording(Description(), (Run("prescribed", time, q, tau, time >= seconds / 2),))
 
 
+def low_speed(time, q, dq, tau):
+    return np.outer(LEVEL * np.exp(-((dq[:, 0] / SPEED) ** 2)) * np.tanh(dq[:, 0] / 0.05), (1.0, 0.0, 0.0))
+
+
+def whole_range(time, q, dq, tau):
+    """The same curve falling over all speeds that are seen."""
+    return np.outer(8 * LEVEL * np.exp(-((dq[:, 0] / (0.7 * np.abs(dq[:, 0]).max())) ** 2)) * np.tanh(dq[:, 0] / 0.05), (1.0, 0.0, 0.0))
+
+
+def eddy(time, q, dq, tau):
+    """Eddy currents: a drag that rises, and falls beyond a speed (Wouterse 1991)."""
+    return np.outer(80e-3 * dq[:, 0] / (1 + (dq[:, 0] / 0.5) ** 2), (1.0, 0.0, 0.0))
+
+
 CASES = {
+    "stribeck": (low_speed, (0,), {"stribeck[1]": LEVEL, "stribeck_velocity[1]": SPEED}),
     "joint_coupling": (coupling, (0,), {"coupling_viscous[1]": COUPLED[0], "coupling_coulomb[1]": COUPLED[1]}),
     "external_contact": (wall, (0, 1, 2), {"contact_stiffness": STIFFNESS, "contact_damping": DAMPING, "contact_normal[3]": 1.0}),
     "friction_drift": (warming, (0,), {"friction_drift[1]": SLOPE, "friction_drift_time[1]": CONSTANT}),
@@ -92,3 +109,16 @@ def test_parameters_are_in_their_intervals(name):
         assert high - low < 0.6 * true, parameter  # the interval says something; a drift's slope is known to a quarter either way
     error = torque_error(before, after)
     assert error.after[joints[0]] < 0.5 * error.before[joints[0]]
+
+
+@pytest.mark.parametrize("law", [whole_range, eddy])
+def test_a_curve_over_all_speeds_is_not_called_stribeck_for_sure(law):
+    verdict = close_loop(recorded(law), Options(replayed=False)).verdict
+    assert verdict.answer in (Answer.FOUND, Answer.UNEXPLAINED)
+    assert all("unknown" in f.aliases for f in verdict.findings), [(f.name, f.aliases) for f in verdict.findings]
+
+
+def test_a_curve_of_the_low_speeds_is_called_stribeck_for_sure():
+    verdict = close_loop(recorded(low_speed), Options(replayed=False)).verdict
+    assert [(f.name, f.joints) for f in verdict.findings] == [("stribeck", (1,))]
+    assert "unknown" not in verdict.findings[0].aliases

@@ -8,7 +8,7 @@ from cosim.closure.evidence import Evidence, weigh
 from cosim.closure.floor import from_sensors
 from cosim.closure.model import Choice, Model, columns_of, with_choices
 from cosim.closure.selection import Rule
-from cosim.closure.unnamed import Dependence, dependences, persistence
+from cosim.closure.unnamed import Dependence, dependences, misread, persistence, varied
 
 PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to foretell
 LARGE = 0.01  # of the torque
@@ -35,15 +35,24 @@ class Leftover:
         return self.evidence.joints[0]
 
 
-def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
-    """Dependences of the residual that the rule accepts, strongest first, at most one for each joint and set of signals."""
-    kinds = dependences(model.scene)
-    trials = len(kinds) * model.setting.joints
+def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray], ...] = ()) -> tuple[Leftover, ...]:
+    """Dependences of the residual that the rule accepts, strongest first, at most one for each joint and set of signals.
+
+    Whether the size of a named effect varies with another signal is one of them; `former`: effects that were named, with their
+    coefficients.
+    """
+    joints = tuple(range(model.setting.joints))
+    kinds = [(kind, joints) for kind in dependences(model.scene)] + [(kind, (j,)) for j in joints for kind in misread(model.scene, j)]
+    parts = [(c, model.fit.beta[model.coefficients(k)], False) for k, c in enumerate(model.choices)] + [(*part, True) for part in former]
+    for choice, beta, whole in parts:
+        if len(choice.joints) == 1 and choice.effect.signals:
+            kinds += [(kind, choice.joints) for kind in varied(model.scene, choice.effect, choice.joints[0], choice.theta, beta, whole)]
+    trials = sum(len(on) for _, on in kinds)
     strict = evolve(rule, gain=FLEXIBLE * rule.gain, size=1.25 * rule.size)
     found, best, normal = [], {}, Normal(model)
-    for kind in kinds:
-        basis = model.setting.rows.filtered(kind.columns(model.scene, (0,), ())[0], kind.sharp)
-        for joint in range(model.setting.joints):
+    for kind, on in kinds:
+        basis = model.setting.rows.filtered(kind.columns(model.scene, on, ())[on[0]], kind.sharp)
+        for joint in on:
             model._cache[(kind.key, (joint,), (), tuple(model.laws))] = {joint: basis}
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is None:
@@ -53,12 +62,12 @@ def leftovers(model: Model, rule: Rule) -> tuple[Leftover, ...]:
             if joint not in best or evidence.error() < best[joint].error():
                 best[joint] = evidence
     found.sort(key=lambda leftover: leftover.evidence.error())
-    bare = set(range(model.setting.joints)) - {leftover.joint for leftover in found}
+    bare = set(joints) - {leftover.joint for leftover in found}
     found += _persistent(model, rule, bare, normal)
     bare -= {leftover.joint for leftover in found}
     large = sorted(bare & beyond_noise(model))
     for joint in set(large) - set(best):
-        every = (weighed(model, kind, joint, trials, normal, least=0.0) for kind in kinds)
+        every = (weighed(model, kind, joint, trials, normal, least=0.0) for kind, on in kinds if joint in on)
         best[joint] = min((e for e in every if e is not None), key=Evidence.error)
     return (*found, *(Leftover(best[joint], sure=False) for joint in large))
 
@@ -94,7 +103,7 @@ def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> t
 
 def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
     """Evidence for every dependence of one joint added to a model by itself; functions of time, which fit anything slow, left out."""
-    kinds = [kind for kind in dependences(base.scene) if not kind.local]
+    kinds = [kind for kind in (*dependences(base.scene), *misread(base.scene, joint)) if not kind.local]
     normal = Normal(base)
     found = (weighed(base, kind, joint, len(kinds), normal) for kind in kinds)
     return tuple(e for e in found if e is not None)

@@ -10,6 +10,8 @@ import numpy as np
 from attrs import define, frozen
 
 from cosim.effects import Effect, Scene
+from cosim.effects.effect import Theta
+from cosim.effects.transmission import displaced
 
 HATS = 8
 APART = (5.0, 7.5, 12.0, 20.0)  # filter widths: beyond the filter's memory
@@ -27,18 +29,20 @@ class Dependence(Effect):
 
     signals: tuple[str, ...] = ()
     basis: object = None  # (scene, joint) -> (n, k)
+    sharp: bool = True
     dynamic: bool = False
     witness: bool = False  # formed from the residual itself: shows that something is left, corrects nothing
+    part: str = ""  # what of the model it lets vary
     local: bool = False  # a function of time: held-out rows lie outside what was fitted
     name = "unknown"
 
     @property
     def title(self) -> str:
-        return f"smooth function of {', '.join(self.signals)}"
+        return f"smooth function of {', '.join(self.signals)}{self.part and f' ({self.part})'}"
 
     @property
     def key(self) -> str:
-        return f"unknown: {', '.join(self.signals)}{' (persistence)' if self.witness else ''}"
+        return f"unknown: {', '.join(self.signals)}{' (persistence)' if self.witness else ''}{self.part and f' ({self.part})'}"
 
     def columns(self, scene, joints, theta):
         return {joints[0]: self.basis(scene, joints[0])}
@@ -65,7 +69,7 @@ class _Signals:
         return total - np.maximum.accumulate(np.where(turn, total, 0.0), axis=0)
 
 
-def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Dependence, ...]:
+def dependences(scene: Scene) -> tuple[Dependence, ...]:
     """What a residual may depend on: own and other signals of the joints, their products, history, time, further recorded signals."""
     m = scene.motion
     signals = _Signals(scene, ~m.test)
@@ -73,7 +77,7 @@ def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Depend
     out = [Dependence(("time",), _time, True)]
     out += [Dependence((f"q{i + 1}",), _of(m.q[:, i])) for i in range(nj)]
     out += [Dependence((f"dq{i + 1}",), _of(m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
-    out += [Dependence((f"tau{i + 1}",), _of(scene.rigid[:, i])) for i in range(nj)]  # not the measured one: tau is a function of that
+    out += [Dependence((f"tau{i + 1}",), _of(scene.rigid[:, i]), sharp=False) for i in range(nj)]  # not the measured one: tau is a function of that
     out += [Dependence((f"q{i + 1}", f"dq{i + 1}"), _product(m.q[:, i], m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
     out += [Dependence((f"history of q{i + 1}",), _history(signals, i)) for i in range(nj)]
     for i in range(nj):
@@ -85,6 +89,40 @@ def dependences(scene: Scene, joint_names: tuple[str, ...] = ()) -> tuple[Depend
                 out.append(Dependence((f"q{k + 1}", f"dq{i + 1}"), _product(m.q[:, k], m.dq[:, i], scene.sign[:, i])))
     out += [Dependence((name,), _of(values)) for name, values in m.other.items()]
     return tuple(out)
+
+
+def misread(scene: Scene, joint: int) -> tuple[Dependence, ...]:
+    """An encoder whose error is a smooth function of the angle: what the joint's own torque makes of it. None without equations of motion."""
+    if scene.rigid_slopes is None:
+        return ()
+
+    def basis(scene: Scene, joint: int) -> np.ndarray:
+        x = _standard(scene.motion.q[:, joint])
+        return displaced(scene, joint, -np.stack((x, x * x, x**3), axis=1) * scene.motion.q[:, joint].std())[joint]
+
+    return (Dependence((f"q{joint + 1}", f"tau{joint + 1}"), basis, sharp=False, part="an error of the encoder"),)
+
+
+def _standard(x: np.ndarray) -> np.ndarray:
+    return (x - x.mean()) / max(float(x.std()), 1e-12)
+
+
+def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndarray, whole: bool) -> tuple[Dependence, ...]:
+    """An effect of one joint whose size varies with another signal of that joint; `whole`: with the constant part of it, which the model lacks."""
+    m = scene.motion
+    columns = effect.columns(scene, (joint,), theta)[joint]
+    columns = columns if effect.amplitude else (columns @ beta)[:, None]
+    signals = {"q": m.q[:, joint], "dq": m.dq[:, joint], "tau": scene.prediction[:, joint]}
+
+    def basis(signal: np.ndarray):
+        x = signal / max(float(signal.std()), 1e-12)
+        shapes = [np.ones_like(x)] * whole + [x, np.abs(x), x * x]
+        values = np.concatenate([columns * shape[:, None] for shape in shapes], axis=1)
+        return lambda scene, joint: values
+
+    own = tuple(f"{name}{joint + 1}" for name in effect.signals)
+    return tuple(Dependence((*own, f"{name}{joint + 1}"), basis(signal), sharp=effect.sharp, part=f"{effect.name} that varies")
+                 for name, signal in signals.items() if name not in effect.signals)  # fmt: skip
 
 
 def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependence:
@@ -121,7 +159,7 @@ def _time(scene: Scene, joint: int) -> np.ndarray:
 
 def _product(q: np.ndarray, dq: np.ndarray, sign: np.ndarray):
     def basis(scene: Scene, joint: int) -> np.ndarray:
-        x = (q - q.mean()) / max(float(q.std()), 1e-12)
+        x = _standard(q)
         v = dq / max(float(dq.std()), 1e-12)
         return np.stack((v, x * v, x * x * v, x**3 * v, sign, x * sign, x * x * sign, x**3 * sign), axis=1)
 
@@ -130,7 +168,7 @@ def _product(q: np.ndarray, dq: np.ndarray, sign: np.ndarray):
 
 def _pairs(a: np.ndarray, b: np.ndarray):
     def basis(scene: Scene, joint: int) -> np.ndarray:
-        x, y = (a - a.mean()) / max(float(a.std()), 1e-12), (b - b.mean()) / max(float(b.std()), 1e-12)
+        x, y = _standard(a), _standard(b)
         return np.stack((x, y, x * y, x * x, y * y, x * x * y, x * y * y, x**3, y**3), axis=1)
 
     return basis

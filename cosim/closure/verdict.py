@@ -17,6 +17,7 @@ from cosim.effects import Effect, Estimate
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
 MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
 STEADY = 1.5  # factor by which a coefficient may change beside it
+DOUBT = 0.35  # of what a name leaves: from here on a nameless function makes the name doubtful
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
 SKEW = 0.3  # samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs; a wall of k [N/m] takes d [s] of it for a damping of k d
@@ -41,7 +42,8 @@ class Finding:
     parameters: dict[str, float]
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
-    rest: bool = False  # something is left on its joint without a name
+    rest: tuple[Leftover, ...] = ()  # what is left on its joints without a name
+    vague: str = ""  # what is not measured that would tell it from effects without a name
     earlier: bool = False  # of an earlier pass: the model was started from it
 
     @property
@@ -71,13 +73,24 @@ class Finding:
         inherent = [alias.name for alias in self.effect.aliases if alias.always]
         close = [rival.evidence.name for rival in self.indistinguishable]
         relatives = self.effect.relatives if self.rest else ()
-        return tuple(dict.fromkeys((*inherent, *close, *relatives)))[:LISTED]
+        names = tuple(dict.fromkeys((*inherent, *close, *relatives)))
+        return (*names[: LISTED - 1], "unknown") if self.doubt else names[:LISTED]
+
+    @property
+    def doubt(self) -> str:
+        """Why an effect without a name may stand behind this one, as what would have to be measured; empty where nothing says so."""
+        far = (x for x in self.rest if x.sure and not x.evidence.candidate.choice.effect.witness and min(x.evidence.gain_fit, x.evidence.gain_held) > DOUBT)
+        if (leftover := next(far, None)) is None:
+            return self.vague
+        return f"what it leaves depends on {' and '.join(leftover.signals)}: a motion that changes these one at a time"
 
     @property
     def separated_by(self) -> str:
         known = {alias.name: alias.separated_by for alias in self.effect.aliases}
         for rival in self.indistinguishable:
             known |= {self.name: a.separated_by for a in rival.evidence.candidate.choice.effect.aliases if a.name == self.name}
+        if self.doubt:
+            known["unknown"] = self.doubt
         texts = [f"{name}: {known.get(name) or known.get(self.name) or 'another excitation'}" for name in self.aliases]
         return "; ".join(texts)
 
@@ -111,9 +124,9 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     if withdrawn:
         choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
         model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
-        left = leftovers(model, rule) or left
-    rest = {leftover.joint for leftover in left}
-    kept = tuple(evolve(f, rest=bool(rest & set(f.evidence.joints))) for f in kept)
+        former = tuple((f.choice, selection.model.fit.beta[selection.model.coefficients(k)]) for k, f in enumerate(findings) if k in reasons)
+        left = leftovers(model, rule, former) or left
+    kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.evidence.joints)) for f in kept)
     return _answer(kept, withdrawn, left, model)
 
 
@@ -130,38 +143,44 @@ def _answer(kept, withdrawn, left, model: Model) -> Verdict:
 def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[int, str]:
     """Choices (by number) whose name does not hold, and why."""
     out = {}
-    for joint in {j for c in model.choices for j in c.joints}:
-        numbers = [k for k, c in enumerate(model.choices) if c.joints == (joint,)]
-        if not numbers:
-            continue
+    for joints in {c.joints for c in model.choices}:
+        numbers = [k for k, c in enumerate(model.choices) if c.joints == joints]
         base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
-        here = [leftover for leftover in left if leftover.joint == joint]
-        reason = _too_much_left(base, model, here, numbers, rule) or _unnamed_better(base, model, joint)
+        here: dict[int, Leftover] = {}
+        for leftover in left:
+            if leftover.joint in joints:
+                here.setdefault(leftover.joint, leftover)
+        reason = _too_much_left(base, model, tuple(here.values()), numbers, rule)
+        reason = reason or (_unnamed_better(base, model, joints[0]) if len(joints) == 1 else "")
         if reason:
             out |= dict.fromkeys(numbers, reason)
     return out
 
 
-def _too_much_left(base: Model, model: Model, here: list[Leftover], numbers: list[int], rule: Rule) -> str:
-    """Whether a nameless function explains a good part of what the names leave."""
+def _too_much_left(base: Model, model: Model, here: tuple[Leftover, ...], numbers: list[int], rule: Rule) -> str:
+    """Whether nameless functions, one a joint, explain a good part of what the names leave. An effect on several joints, of which they may
+    be strangers, only has to stand beside them.
+    """
     if not here:
         return ""
-    joint = here[0].joint
-    without, names, both = (m.unseen(joint).sum() for m in (base, model, here[0].evidence.model))
+    joints = list(model.choices[numbers[0]].joints)
+    nameless = tuple(leftover.evidence.candidate.choice for leftover in here)
+    without, names, both = (float(m.joint_error()[0][:, joints].sum()) for m in (base, model, with_choices(model, (*model.choices, *nameless))))
     named, possible = without - names, max(without - both, 1e-300)
     if named >= NAMED_SHARE * possible:
         return ""
-    if named >= MOST * possible and all(_stands_beside(model, k, here[0], rule) for k in numbers):
+    if (len(joints) > 1 or named >= MOST * possible) and all(_stands_beside(model, k, nameless, rule) for k in numbers):
         return ""
-    return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {joint + 1}; "
-            f"{' and '.join(here[0].signals)} explains the rest without a name")  # fmt: skip
+    signals = " and ".join(dict.fromkeys(s for leftover in here for s in leftover.signals))
+    return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {', '.join(str(j + 1) for j in joints)}; "
+            f"{signals} explains the rest without a name")  # fmt: skip
 
 
-def _stands_beside(model: Model, number: int, leftover: Leftover, rule: Rule) -> bool:
-    """Whether a name keeps its evidence and its coefficients when the nameless function has been given its part first."""
+def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule: Rule) -> bool:
+    """Whether a name keeps its evidence and its coefficients when the nameless functions have been given their part first."""
     choice = model.choices[number]
     others = tuple(c for k, c in enumerate(model.choices) if k != number)
-    rest = with_choices(model, (*others, leftover.evidence.candidate.choice))
+    rest = with_choices(model, (*others, *nameless))
     beside = weigh(rest, Candidate(choice, 0.0, np.zeros(0), 1), 1)
     alone = model.fit.beta[model.coefficients(number)]
     strong = np.abs(alone) > 0.3 * np.abs(alone).max()
@@ -186,7 +205,8 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     """Evidence, parameters, intervals and rivals of one chosen effect."""
     evidence, found = rivals(model, number, effects, rule, trials)
     values, interval = intervals(model, number)
-    return Finding(model.choices[number], evidence, values, interval, found)
+    choice = model.choices[number]
+    return Finding(choice, evidence, values, interval, found, vague=choice.effect.vague(model.scene, choice.joints, choice.theta))
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

@@ -92,6 +92,7 @@ class Effect(ABC):
     form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
     amplitude: bool = False  # the coefficients are the parts of one amplitude, such as sine and cosine
     least: float = 0.0  # share of the squared error that it has to remove where noise of the encoder, fed back into the command, mimics it
+    signals: tuple[str, ...] = ()  # of the joint that the torque is a function of: whether its size varies with the others is then looked for
     slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost
     aliases: tuple[Alias, ...] = ()
     relatives: tuple[str, ...] = ()  # names that decide by details: not told from this one where a rest without a name is left
@@ -165,6 +166,10 @@ class Effect(ABC):
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         """Why this data cannot show the effect; empty where it can."""
+        return ""
+
+    def vague(self, scene: Scene, joints: tuple[int, ...], theta: Theta) -> str:
+        """What the data do not hold that would tell the effect from others without a name; empty where they hold it."""
         return ""
 
     def unphysical(self, estimate: Estimate) -> str:

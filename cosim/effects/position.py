@@ -14,6 +14,7 @@ class PositionFriction(Effect):
     amplitude = True
     title = "Coulomb friction that depends on the angle"
     equation = "tau += (a sin q + b cos q) s(dq)"
+    signals = ("q", "dq")
     source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
     aliases = (Alias("load_friction", "the same angles under another load"),)
 
@@ -42,6 +43,7 @@ class PositionTorque(Effect):
     name = "position_torque"
     title = "torque that depends on the angle"
     equation = "tau += k q (+ k3 q^3), or + k q + k2 q^2 (+ k3 q^3), or + a sin q + b cos q"
+    signals = ("q",)
     source = "Taati et al. 2008, section 4.2 (counterbalance); cable harness"
     unit = "N.m/rad"
     sharp = False
@@ -86,6 +88,7 @@ class TorqueRipple(Effect):
     amplitude = True
     title = "torque ripple"
     equation = "tau += a sin(n q) + b cos(n q), n cycles a turn of the joint"
+    signals = ("q",)
     source = "Holtz, Springob 1996, IEEE Trans. Ind. Electronics 43(2)"
     aliases = (Alias("position_torque", "finer steps of angle, slowly"),)
     needs = "speeds low enough for the filter to pass the ripple"
@@ -138,6 +141,7 @@ class Hysteresis(Effect):
     name = "hysteresis"
     title = "hysteresis (presliding, cable)"
     equation = "tau += h z, dz/dt = dq (1 - z sgn(dq)) / length, or z = sum w_k z_k of elasto-plastic elements, h > 0"
+    signals = ("history of q",)
     source = "Dahl 1968, TOR-158(3107-18); Iwan 1966, J. Appl. Mech. 33(4); Al-Bender, Lampaert, Swevers 2005"
     aliases = (
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),

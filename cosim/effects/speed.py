@@ -4,6 +4,10 @@ import numpy as np
 
 from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
 
+ENDED = 0.5  # Stribeck speed over the largest speed: from here on the end of its fall is not seen
+CLEAR = 3.0  # times the Stribeck speed that are seen: from here on the curve is a law of the low speeds
+RISEN = 0.5  # the smooth sign of the friction law at the Stribeck speed
+
 
 class TorqueOffset(Effect):
     """A constant torque that the motor must supply."""
@@ -31,6 +35,7 @@ class CoulombAsymmetry(Effect):
     name = "coulomb_asymmetry"
     title = "Coulomb friction that depends on the direction"
     equation = "tau += a s(dq)^2"
+    signals = ("dq",)
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
     aliases = (
         Alias("torque_offset", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", always=True),
@@ -56,6 +61,7 @@ class ViscousAsymmetry(Effect):
     name = "viscous_asymmetry"
     title = "viscous friction that depends on the direction"
     equation = "tau += a |dq|"
+    signals = ("dq",)
     source = "Janot, Gautier, Brunot 2019, EMPS reference models"
     unit = "N.m.s/rad"
     aliases = (Alias("torque_offset", "both directions at clearly different speeds"),)
@@ -73,6 +79,7 @@ class Stribeck(Effect):
     name = "stribeck"
     title = "Stribeck friction"
     equation = "tau += a exp(-(|dq| / v)^d) s(dq), a > 0"
+    signals = ("dq",)
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), Eq. 8"
     aliases = (
         Alias("hysteresis", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
@@ -98,9 +105,18 @@ class Stribeck(Effect):
     def theta_labels(self, joints):
         return (per_joint("stribeck_velocity", joints), per_joint("stribeck_exponent", joints))
 
+    def vague(self, scene, joints, theta):
+        seen = scene.speed_range(joints[0])[1] / theta[0]
+        return "" if seen > CLEAR else f"speeds of more than {CLEAR:g} times the Stribeck speed ({seen:.2g} here): what falls so slowly may rise first"
+
     def unphysical(self, estimate: Estimate) -> str:
         if estimate.beta[0] < 0:
             return "negative amplitude: friction falls towards zero speed, which is presliding or a soft sign, not Stribeck"
+        speed, scene, joint = estimate.theta[0], estimate.scene, estimate.joints[0]
+        if speed > ENDED * scene.speed_range(joint)[1]:
+            return "it falls over the whole range of speeds: a law of the low speeds has an end within it"
+        if np.abs(scene.sign[np.abs(scene.motion.dq[:, joint]) <= speed, joint]).max(initial=0.0) < RISEN:
+            return "it falls where the smooth sign of the friction law has not risen yet: the form of that sign, not Stribeck"
         return ""
 
 
@@ -110,6 +126,7 @@ class QuadraticDrag(Effect):
     name = "quadratic_drag"
     title = "quadratic drag"
     equation = "tau += c dq |dq|, c > 0"
+    signals = ("dq",)
     source = "aerodynamic or churning loss"
     unit = "N.m.s2/rad2"
     aliases = (Alias("stribeck", "speeds above 3 rad/s"),)

@@ -76,6 +76,12 @@ OUTSIDE = {
     "touch": (lambda j, a: dict(touch=only(j, 2e-3 * a)), {"time"}),
     "wander": (lambda j, a: dict(wander=only(j, 1e-3 * a)), {"time"}),
     "eddy": (lambda j, a: dict(eddy=only(j, 10e-3 * a), eddy_velocity=np.full(3, 0.5)), {"dq"}),
+    "fading_gain": (lambda j, a: dict(fading_gain=only(j, {1: 8.0, 2: 3.0, 3: 3.0}[j] * a)), {"tau"}),
+    "eccentric": (lambda j, a: dict(eccentric=only(j, 0.01 * a)), {"q"}),
+    "squeeze": (lambda j, a: dict(squeeze=only(j, 0.15 * a)), {"q", "dq"}),
+    "sticky": (lambda j, a: dict(sticky=only(j, 0.05 * a)), {"time", "dq"}),
+    "loaded_ripple": (lambda j, a: dict(loaded_ripple=only(j, 0.01 * a), ripple_order=np.full(3, 26.0)), {"q"}),
+    "flywheel": (lambda j, a: dict(flywheel=only(j, 0.08e-3 * a)), {"q", "dq", "tau"}),
 }
 ARM_WIDE = ("payload", "base_tilt", "external_contact")
 DECLARED = ("payload", "torque_gain")

@@ -81,6 +81,12 @@ class Plant:
     touch_from: float = 12.0
     touch_to: float = 20.0
     wander: np.ndarray = _joint()  # N.m, a random walk with a corner of 0.05 Hz
+    fading_gain: np.ndarray = _joint()  # 1/(N.m)^2: the drive delivers u (1 - c u^2), iron that saturates
+    eccentric: np.ndarray = _joint()  # rad: the encoder shows q + e sin(3 q), a disc off its centre behind a gear
+    squeeze: np.ndarray = _joint()  # Coulomb level times (1 + c q_next^2): cables that the next joint tightens
+    sticky: np.ndarray = _joint()  # share by which the Coulomb level jumps up for 1.5 s in every 4, dirt on a wheel that turns slowly
+    loaded_ripple: np.ndarray = _joint()  # of the delivered torque, times sin(order q): a toothed gear
+    flywheel: np.ndarray = _joint()  # kg.m^2: torque from the acceleration of the next joint, a motor carried along
 
 
 def stack(plants):
@@ -175,6 +181,10 @@ def levels(b, q, w, drive, t, positive):
         level = level + b.load * np.abs(drive)
     if b.active["warm_up"]:
         level = level * (1 + b.warm_up * (1 - np.exp(-t / b.warm_time)))
+    if b.active["squeeze"]:
+        level = level * (1 + b.squeeze * np.roll(q, -1, axis=0) ** 2)
+    if b.active["sticky"]:
+        level = level * (1 + b.sticky * (np.mod(t, 4.0) < 1.5))
     return level
 
 
@@ -212,6 +222,8 @@ def resisting(b, q, w, t, slip, drive):
         out = out + b.eddy * w / (1 + (w / b.eddy_velocity) ** 2)
     if a["touch"]:
         out = out + b.touch * ((t > b.touch_from) & (t < b.touch_to))
+    if a["loaded_ripple"]:
+        out = out + b.loaded_ripple * np.abs(drive) * np.sin(b.ripple_order * q + b.ripple_phase)
     return out
 
 
@@ -250,6 +262,8 @@ class Arms:
             back = np.minimum(np.round(b.delay / self.h).astype(int), self.count)
             u = np.take_along_axis(self.buffer, ((self.count - back) % len(self.buffer))[None], axis=0)[0]
         self.count += 1
+        if b.active["fading_gain"]:
+            u = u * (1 - np.minimum(b.fading_gain * u**2, 1 / 3))
         u = np.clip(u, -b.limit, b.limit)
         if b.active["deadband"]:
             u = np.sign(u) * np.maximum(np.abs(u) - b.deadband, 0.0)
@@ -277,7 +291,11 @@ class Arms:
             force = u - n - resisting(b, q, w, t, self.slip, u)
             if b.active["wall_stiffness"]:
                 force = force + wall(b, q, w)
-            return w, solve(m11, m22, m33, m23, force)
+            acceleration = solve(m11, m22, m33, m23, force)
+            for _ in range(8 if b.active["flywheel"] else 0):  # a small part of the mass matrix: iterated
+                carried = b.flywheel * np.roll(acceleration, -1, axis=0) + np.roll(b.flywheel * acceleration, 1, axis=0)
+                acceleration = solve(m11, m22, m33, m23, force - carried)
+            return w, acceleration
 
         self.q, self.w = rk4(rates, self.q, self.w, t, h)
         self.w = self._stopped(self.q, self.w, u)

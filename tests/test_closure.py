@@ -98,6 +98,30 @@ def test_a_joint_that_does_not_move_is_refused():
     assert closure.verdict.answer is Answer.REFUSED
 
 
+def test_a_joint_that_only_held_out_rows_move_is_refused():
+    def q(t):
+        return 0.5 * np.sin(3 * t) * np.clip(t - t.mean(), 0, 1)
+
+    closure = close_loop(still(lambda t, q, dq: 0.1 * np.gradient(dq, t) + 0.1 * np.tanh(dq / 0.02), q=q))
+    assert closure.verdict.answer is Answer.REFUSED
+    assert any("rests on all fitted rows and moves on held-out ones" in text for text in closure.warnings)
+
+
+def test_an_earlier_effect_stays_on_data_that_could_not_have_shown_it():
+    """A Stribeck curve found on faster motion than this, whose largest speed is 1.4 times its own."""
+    random, fastest = np.random.default_rng(3), []
+
+    def tau(t, q, dq):
+        fastest.append(np.percentile(np.abs(dq), 99))
+        slow = np.exp(-((dq / (0.7 * fastest[0])) ** 2))
+        return 0.05 * np.gradient(dq, t) + 0.04 * dq + (0.1 + 0.1 * slow) * np.tanh(dq / 0.02) + 0.001 * random.normal(size=len(t))
+
+    recording = still(tau)
+    previous = (Choice(library()[0], (0,), (0.7 * fastest[0], 2.0)),)
+    found = close_loop(recording, Options(previous=previous, replayed=False)).verdict.findings
+    assert [(f.name, f.earlier, f.aliases) for f in found] == [("stribeck", True, ("unknown",))]
+
+
 def test_too_short_a_recording_is_refused():
     closure = close_loop(still(lambda t, q, dq: 0.1 * np.gradient(dq, t) + q, seconds=3.0))
     assert closure.verdict.answer is Answer.REFUSED
@@ -171,7 +195,8 @@ def test_a_method_of_the_users_own_that_gives_something_else_is_named(tmp_path, 
     ("text", "words"),
     [("x = 1", "derived from"), ("raise ValueError('no')", "ValueError"), ("raise SystemExit(3)", "SystemExit"),
      (OWN.replace('    name =', '    def __init__(self, size): pass\n    name ='), "Cogwheel: expected a class that is made without arguments"),
-     (OWN.replace("def labels", "def lables"), "Cogwheel without labels")],
+     (OWN.replace("def labels", "def lables"), "Cogwheel without labels"),
+     (OWN.replace("    name =", "    signals = 'q'\n    name ="), "signals. as a tuple, such as .* got a text in Cogwheel")],
 )  # fmt: skip
 def test_a_file_without_an_effect_is_refused_in_words(tmp_path, text, words):
     (tmp_path / "bad.py").write_text(text)

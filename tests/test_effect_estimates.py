@@ -4,6 +4,7 @@ import arm_oracle as oracle
 import numpy as np
 import pytest
 
+from cosim.closure.answer import answer
 from cosim.closure.candidates import Normal, screened
 from cosim.closure.closure import Options, close_loop
 from cosim.closure.errors import torque_error
@@ -76,6 +77,11 @@ def whole_range(time, q, dq, tau):
     return np.outer(8 * LEVEL * np.exp(-((dq[:, 0] / (0.7 * np.abs(dq[:, 0]).max())) ** 2)) * np.tanh(dq[:, 0] / 0.05), (1.0, 0.0, 0.0))
 
 
+def half_range(time, q, dq, tau):
+    """Between: its speed is two fifths of the largest one."""
+    return np.outer(4 * LEVEL * np.exp(-((dq[:, 0] / (0.4 * np.percentile(np.abs(dq[:, 0]), 99))) ** 2)) * np.tanh(dq[:, 0] / 0.05), (1.0, 0.0, 0.0))
+
+
 def eddy(time, q, dq, tau):
     """Eddy currents: a drag that rises, and falls beyond a speed (Wouterse 1991)."""
     return np.outer(80e-3 * dq[:, 0] / (1 + (dq[:, 0] / 0.5) ** 2), (1.0, 0.0, 0.0))
@@ -112,10 +118,19 @@ def test_parameters_are_in_their_intervals(name):
 
 
 @pytest.mark.parametrize("law", [whole_range, eddy])
-def test_a_curve_over_all_speeds_is_not_called_stribeck_for_sure(law):
+def test_a_curve_over_all_speeds_is_not_called_stribeck(law):
     verdict = close_loop(recorded(law), Options(replayed=False)).verdict
-    assert verdict.answer in (Answer.FOUND, Answer.UNEXPLAINED)
-    assert all("unknown" in f.aliases for f in verdict.findings), [(f.name, f.aliases) for f in verdict.findings]
+    assert (verdict.answer, verdict.findings) == (Answer.UNEXPLAINED, ())
+    assert verdict.leftovers[0].signals == ("dq1",)
+
+
+def test_a_curve_whose_end_is_hardly_seen_may_be_another():
+    closure = close_loop(recorded(half_range), Options(replayed=False))
+    (found,) = closure.verdict.findings
+    assert (found.name, found.aliases[-1]) == ("stribeck", "unknown")
+    (effect,) = [e for e in answer(closure)["effects"] if e["name"] == "stribeck"]
+    assert "unknown: speeds of more than 3 times the Stribeck speed" in effect["separated_by"]
+    assert not {r.evidence.name for r in found.indistinguishable} - {*effect["indistinguishable_from"], *effect["evidence"]["also_close"]}
 
 
 def test_a_curve_of_the_low_speeds_is_called_stribeck_for_sure():

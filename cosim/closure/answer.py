@@ -41,7 +41,7 @@ def _finding(found: Finding) -> dict:
         "indistinguishable_from": list(found.aliases), "separated_by": found.separated_by,
         "evidence": evidence(found.evidence) | {
             "equation": found.effect.equation, "source": found.effect.source, "earlier_pass": found.earlier,
-            "also_close": [r.evidence.name for r in found.indistinguishable][len(found.aliases):],
+            "also_close": [r.evidence.name for r in found.indistinguishable if r.evidence.name not in found.aliases],
             "rivals": [{"name": r.evidence.name, "joints": [j + 1 for j in r.evidence.joints], "worse_by_standard_errors": _number(r.worse)}
                        for r in found.rivals[:6]],
         },
@@ -65,7 +65,7 @@ def _unknown(closure: Closure) -> list[dict]:
             "name": "unknown", "joints": [joint + 1], "parameters": {}, "interval": {}, "signals": signals,
             "indistinguishable_from": [], "separated_by": "",
             "evidence": evidence(found[0].evidence) | {"depends_on": [
-                {"signals": list(x.signals), "squared_error_removed": x.evidence.gain_fit} for x in found[:6]]},
+                {"signals": list(x.signals), "form": x.form, "squared_error_removed": x.evidence.gain_fit} for x in found[:6]]},
         })  # fmt: skip
     return out
 

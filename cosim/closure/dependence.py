@@ -31,12 +31,17 @@ class Leftover:
         return self.evidence.candidate.choice.effect.signals
 
     @property
+    def form(self) -> str:
+        """What was fitted, in words."""
+        return self.evidence.candidate.choice.effect.title
+
+    @property
     def joint(self) -> int:
         return self.evidence.joints[0]
 
 
 def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray], ...] = ()) -> tuple[Leftover, ...]:
-    """Dependences of the residual that the rule accepts, strongest first, at most one for each joint and set of signals.
+    """Dependences of the residual that the rule accepts, strongest first.
 
     Whether the size of a named effect varies with another signal is one of them; `former`: effects that were named, with their
     coefficients.
@@ -57,7 +62,7 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is None:
                 continue
-            if not _refusal(strict, evidence, kind):
+            if not strict.refusal(evidence):
                 found.append(Leftover(evidence))
             if joint not in best or evidence.error() < best[joint].error():
                 best[joint] = evidence
@@ -67,9 +72,10 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
     bare -= {leftover.joint for leftover in found}
     large = sorted(bare & beyond_noise(model))
     for joint in set(large) - set(best):
-        every = (weighed(model, kind, joint, trials, normal, least=0.0) for kind, on in kinds if joint in on)
-        best[joint] = min((e for e in every if e is not None), key=Evidence.error)
-    return (*found, *(Leftover(best[joint], sure=False) for joint in large))
+        every = [weighed(model, kind, joint, trials, normal, least=0.0) for kind, on in kinds if joint in on]
+        if any(every):
+            best[joint] = min(filter(None, every), key=Evidence.error)
+    return (*found, *(Leftover(best[joint], sure=False) for joint in large if joint in best))
 
 
 def beyond_noise(model: Model) -> set[int]:
@@ -102,8 +108,8 @@ def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> t
 
 
 def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
-    """Evidence for every dependence of one joint added to a model by itself; functions of time, which fit anything slow, left out."""
-    kinds = [kind for kind in (*dependences(base.scene), *misread(base.scene, joint)) if not kind.local]
+    """Evidence for every dependence of one joint added to a model by itself."""
+    kinds = (*dependences(base.scene), *misread(base.scene, joint))
     normal = Normal(base)
     found = (weighed(base, kind, joint, len(kinds), normal) for kind in kinds)
     return tuple(e for e in found if e is not None)
@@ -116,13 +122,6 @@ def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Nor
     if screened is None or (gain := screened[0] / normal.error((joint,))) < least:
         return None
     return weigh(model, Candidate(choice, gain, screened[1], 1), trials)
-
-
-def _refusal(rule: Rule, evidence: Evidence, kind: Dependence) -> str:
-    """The rule's refusal; functions of time are judged on fitted blocks only."""
-    if kind.local:
-        evidence = evolve(evidence, gain_held=evidence.gain_fit, t_held=evidence.t_fit)
-    return rule.refusal(evidence)
 
 
 def corrected(model: Model, found: tuple[Leftover, ...]) -> Model:

@@ -179,14 +179,14 @@ def _candidates(closure: Closure) -> Section | None:
 
 
 def _leftovers(closure: Closure) -> Section | None:
-    rows = [(x.joint + 1, " and ".join(x.signals) + ("" if x.sure else " (comes closest; more than the sensors' noise is left)"), 100 * x.evidence.gain_fit, x.evidence.t_fit, x.evidence.p)
+    rows = [(x.joint + 1, x.form + ("" if x.sure else " (comes closest; more than the sensors' noise is left)"), 100 * x.evidence.gain_fit, x.evidence.t_fit, x.evidence.p)
             for x in closure.verdict.leftovers[:12]]  # fmt: skip
     rows += [(", ".join(map(str, f.joints)), f"{f.name} (withdrawn): {why}", 100 * f.evidence.gain_fit, f.evidence.t_fit, f.evidence.p)
              for f, why in closure.verdict.withdrawn]  # fmt: skip
     if not rows:
         return None
-    text = "Smooth functions of these signals still lower the error of blocks that the fit has not seen, without a name."
-    return Section("What is left without a name", text, [Table(("joint", "signals", "removed [%]", "t", "p"), rows, digits=3)])
+    text = "Functions that are fitted, not known, still lower the error of blocks that the fit has not seen, without a name."
+    return Section("What is left without a name", text, [Table(("joint", "what it is", "removed [%]", "t", "p"), rows, digits=3)])
 
 
 def _replay(closure: Closure) -> Section | None:

@@ -22,7 +22,7 @@ class Refusal:
 
 
 def motion_refusals(motion: Motion, rows: Rows) -> list[Refusal]:
-    """No motion, too short, no torque."""
+    """No motion, none of a joint in what is fitted, too short, no torque."""
     out = []
     seconds = float((~motion.test).sum() * motion.step)
     if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
@@ -31,6 +31,8 @@ def motion_refusals(motion: Motion, rows: Rows) -> list[Refusal]:
     still = [j for j in range(motion.joints) if not _moves(motion, rows, j)]
     if len(still) == motion.joints:
         out.append(Refusal(0, "no joint moves: a residual at rest cannot be traced to an effect of motion"))
+    unseen = [j for j in range(motion.joints) if j not in still and not rows.moving[~rows.test, j].any()]
+    out += [Refusal(j + 1, "it rests on all fitted rows and moves on held-out ones: hold out other rows") for j in unseen]
     flat = [j for j in range(motion.joints) if np.ptp(motion.tau_raw[:, j]) <= 1e-9 * max(np.abs(motion.tau_raw[:, j]).max(), 1e-30)]
     out += [Refusal(j + 1, "the torque is constant") for j in flat if j not in still]
     return out

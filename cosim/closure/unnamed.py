@@ -5,15 +5,17 @@ which signals a residual depends, and give a smooth correction where no name fit
 """
 
 from functools import cached_property
+from itertools import count
 
 import numpy as np
-from attrs import define, frozen
+from attrs import define, evolve, frozen
 
 from cosim.effects import Effect, Scene
 from cosim.effects.effect import Theta
 from cosim.effects.transmission import displaced
 
 HATS = 8
+_FITS = count(1)
 APART = (5.0, 7.5, 12.0, 20.0)  # filter widths: beyond the filter's memory
 
 
@@ -23,26 +25,26 @@ def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return np.maximum(1 - np.abs(place[:, None] - np.arange(len(knots))), 0.0)
 
 
-@frozen
+@frozen(kw_only=True)
 class Dependence(Effect):
     """A smooth function of some signals, added to the torque of one joint."""
 
-    signals: tuple[str, ...] = ()
-    basis: object = None  # (scene, joint) -> (n, k)
+    signals: tuple[str, ...]
+    basis: object  # (scene, joint) -> (n, k)
     sharp: bool = True
     dynamic: bool = False
     witness: bool = False  # formed from the residual itself: shows that something is left, corrects nothing
-    part: str = ""  # what of the model it lets vary
-    local: bool = False  # a function of time: held-out rows lie outside what was fitted
+    words: str = ""  # what it is, where the signals do not say it
+    fitted: int = 0  # number of the fit that its columns are formed from: those of another fit are others
     name = "unknown"
 
     @property
     def title(self) -> str:
-        return f"smooth function of {', '.join(self.signals)}{self.part and f' ({self.part})'}"
+        return self.words or f"a smooth function of {' and '.join(self.signals)}"
 
     @property
     def key(self) -> str:
-        return f"unknown: {', '.join(self.signals)}{' (persistence)' if self.witness else ''}{self.part and f' ({self.part})'}"
+        return f"unknown: {', '.join(self.signals)}{' (persistence)' if self.witness else ''} {self.words} {self.fitted or ''}"
 
     def columns(self, scene, joints, theta):
         return {joints[0]: self.basis(scene, joints[0])}
@@ -73,21 +75,25 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
     """What a residual may depend on: own and other signals of the joints, their products, history, time, further recorded signals."""
     m = scene.motion
     signals = _Signals(scene, ~m.test)
-    nj = scene.joints
-    out = [Dependence(("time",), _time, True)]
-    out += [Dependence((f"q{i + 1}",), _of(m.q[:, i])) for i in range(nj)]
-    out += [Dependence((f"dq{i + 1}",), _of(m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
-    out += [Dependence((f"tau{i + 1}",), _of(scene.rigid[:, i]), sharp=False) for i in range(nj)]  # not the measured one: tau is a function of that
-    out += [Dependence((f"q{i + 1}", f"dq{i + 1}"), _product(m.q[:, i], m.dq[:, i], scene.sign[:, i])) for i in range(nj)]
-    out += [Dependence((f"history of q{i + 1}",), _history(signals, i)) for i in range(nj)]
+    nj, fitted, raw = scene.joints, next(_FITS), scene.device == "regressor"
+
+    def on(basis, *names: str) -> Dependence:
+        return Dependence(signals=names, basis=basis)
+
+    out = [on(_time, "time")]
+    out += [on(_of(m.q[:, i]), f"q{i + 1}") for i in range(nj)]
+    out += [on(_of(m.dq[:, i]), f"dq{i + 1}") for i in range(nj)]
+    out += [evolve(on(_of(scene.rigid[:, i]), f"tau{i + 1}"), sharp=raw, fitted=fitted) for i in range(nj)]  # not the measured one: tau is a function of that
+    out += [on(_product(m.q[:, i], m.dq[:, i], scene.sign[:, i]), f"q{i + 1}", f"dq{i + 1}") for i in range(nj)]
+    out += [on(_history(signals, i), f"history of q{i + 1}") for i in range(nj)]
     for i in range(nj):
         for k in range(nj):
             if k > i:
-                out.append(Dependence((f"dq{i + 1}", f"dq{k + 1}"), _pairs(m.dq[:, i], m.dq[:, k])))
-                out.append(Dependence((f"q{i + 1}", f"q{k + 1}"), _pairs(m.q[:, i], m.q[:, k])))
+                out.append(on(_pairs(m.dq[:, i], m.dq[:, k]), f"dq{i + 1}", f"dq{k + 1}"))
+                out.append(on(_pairs(m.q[:, i], m.q[:, k]), f"q{i + 1}", f"q{k + 1}"))
             if k != i:
-                out.append(Dependence((f"q{k + 1}", f"dq{i + 1}"), _product(m.q[:, k], m.dq[:, i], scene.sign[:, i])))
-    out += [Dependence((name,), _of(values)) for name, values in m.other.items()]
+                out.append(on(_product(m.q[:, k], m.dq[:, i], scene.sign[:, i]), f"q{k + 1}", f"dq{i + 1}"))
+    out += [on(_of(values), name) for name, values in m.other.items()]
     return tuple(out)
 
 
@@ -100,7 +106,8 @@ def misread(scene: Scene, joint: int) -> tuple[Dependence, ...]:
         x = _standard(scene.motion.q[:, joint])
         return displaced(scene, joint, -np.stack((x, x * x, x**3), axis=1) * scene.motion.q[:, joint].std())[joint]
 
-    return (Dependence((f"q{joint + 1}", f"tau{joint + 1}"), basis, sharp=False, part="an error of the encoder"),)
+    words = f"an error of the encoder that varies with q{joint + 1}"
+    return (Dependence(signals=(f"q{joint + 1}", f"tau{joint + 1}"), basis=basis, sharp=False, words=words, fitted=next(_FITS)),)
 
 
 def _standard(x: np.ndarray) -> np.ndarray:
@@ -120,9 +127,11 @@ def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndar
         values = np.concatenate([columns * shape[:, None] for shape in shapes], axis=1)
         return lambda scene, joint: values
 
-    own = tuple(f"{name}{joint + 1}" for name in effect.signals)
-    return tuple(Dependence((*own, f"{name}{joint + 1}"), basis(signal), sharp=effect.sharp, part=f"{effect.name} that varies")
-                 for name, signal in signals.items() if name not in effect.signals)  # fmt: skip
+    own, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
+    return tuple(
+        Dependence(signals=(*own, f"{name}{joint + 1}"), basis=basis(signal), sharp=effect.sharp, words=f"{effect.name} that varies with {name}{joint + 1}", fitted=fitted)
+        for name, signal in signals.items() if name not in effect.signals
+    )  # fmt: skip
 
 
 def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependence:
@@ -134,15 +143,15 @@ def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependen
         shifts = [sign * widths * motion.widths.total for widths in APART for sign in (1, -1)]
         return np.concatenate([motion.advanced(level, shift) for shift in shifts], axis=1)
 
-    return Dependence(("time",), basis, witness=True, dynamic=True)
+    return Dependence(signals=("time",), basis=basis, witness=True, dynamic=True)
 
 
 def _knots(x: np.ndarray, count: int = HATS) -> np.ndarray:
     return np.unique(np.quantile(x, np.linspace(0.01, 0.99, count)))
 
 
-def _of(x: np.ndarray, sign: np.ndarray | None = None):
-    """Hats of a signal (but one: the rest is the constant), and its sign apart where it has one."""
+def _of(x: np.ndarray):
+    """Hats of a signal."""
     def basis(scene: Scene, joint: int) -> np.ndarray:
         return hats(x, _knots(x))
 

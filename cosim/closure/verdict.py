@@ -74,23 +74,28 @@ class Finding:
         close = [rival.evidence.name for rival in self.indistinguishable]
         relatives = self.effect.relatives if self.rest else ()
         names = tuple(dict.fromkeys((*inherent, *close, *relatives)))
-        return (*names[: LISTED - 1], "unknown") if self.doubt else names[:LISTED]
+        return (*names[: LISTED - 1], "unknown") if self.nameless else names[:LISTED]
 
     @property
-    def doubt(self) -> str:
-        """Why an effect without a name may stand behind this one, as what would have to be measured; empty where nothing says so."""
+    def nameless(self) -> str:
+        """What tells this one from an effect without a name that may stand behind it; empty where nothing says that one does.
+
+        Of an effect on several joints what is left on one of them says nothing.
+        """
+        if len(self.joints) > 1:
+            return self.vague
         far = (x for x in self.rest if x.sure and not x.evidence.candidate.choice.effect.witness and min(x.evidence.gain_fit, x.evidence.gain_held) > DOUBT)
         if (leftover := next(far, None)) is None:
             return self.vague
-        return f"what it leaves depends on {' and '.join(leftover.signals)}: a motion that changes these one at a time"
+        return f"what it leaves is {leftover.form}: a motion that changes {' and '.join(leftover.signals)} one at a time"
 
     @property
     def separated_by(self) -> str:
         known = {alias.name: alias.separated_by for alias in self.effect.aliases}
         for rival in self.indistinguishable:
             known |= {self.name: a.separated_by for a in rival.evidence.candidate.choice.effect.aliases if a.name == self.name}
-        if self.doubt:
-            known["unknown"] = self.doubt
+        if self.nameless:
+            known["unknown"] = self.nameless
         texts = [f"{name}: {known.get(name) or known.get(self.name) or 'another excitation'}" for name in self.aliases]
         return "; ".join(texts)
 
@@ -118,7 +123,9 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     earlier = {choice.key for choice in selection.before.choices}
     findings = [evolve(finding(model, k, effects, rule, selection.trials), earlier=choice.key in earlier)
                 for k, choice in enumerate(model.choices)]  # fmt: skip
-    reasons = {k: reason for k in range(len(model.choices)) if (reason := model.unphysical(k))} | reasons  # refits move estimates
+    given = {c.key for k, c in enumerate(selection.before.choices) if selection.before.unphysical(k)}  # by an earlier pass, on data that showed it
+    moved = {k: model.unphysical(k) for k, c in enumerate(model.choices) if c.key not in given}  # refits move estimates
+    reasons = {k: reason for k, reason in moved.items() if reason} | reasons
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
@@ -171,9 +178,8 @@ def _too_much_left(base: Model, model: Model, here: tuple[Leftover, ...], number
         return ""
     if (len(joints) > 1 or named >= MOST * possible) and all(_stands_beside(model, k, nameless, rule) for k in numbers):
         return ""
-    signals = " and ".join(dict.fromkeys(s for leftover in here for s in leftover.signals))
     return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {', '.join(str(j + 1) for j in joints)}; "
-            f"{signals} explains the rest without a name")  # fmt: skip
+            f"{' and '.join(leftover.form for leftover in here)} explains the rest without a name")  # fmt: skip
 
 
 def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule: Rule) -> bool:
@@ -182,9 +188,9 @@ def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule
     others = tuple(c for k, c in enumerate(model.choices) if k != number)
     rest = with_choices(model, (*others, *nameless))
     beside = weigh(rest, Candidate(choice, 0.0, np.zeros(0), 1), 1)
-    alone = model.fit.beta[model.coefficients(number)]
+    alone, now = (choice.effect.amount(beta, choice.theta) for beta in (model.fit.beta[model.coefficients(number)], beside.beta))
     strong = np.abs(alone) > 0.3 * np.abs(alone).max()
-    ratio = beside.beta[strong] / alone[strong]
+    ratio = now[strong] / alone[strong]
     return not rule.refusal(beside) and bool((ratio > 1 / STEADY).all() and (ratio < STEADY).all())
 
 
@@ -198,7 +204,7 @@ def _unnamed_better(base: Model, model: Model, joint: int) -> str:
     if without - error.sum() > SETTLED * (without - other.sum()) or other.sum() > LOWER * error.sum():
         return ""
     t = standard_errors(error - other)
-    return f"a smooth function of {' and '.join(rival.choices[-1].effect.signals)} does clearly better (t = {t:.1f})" if t > BETTER else ""
+    return f"{rival.choices[-1].effect.title} does clearly better (t = {t:.1f})" if t > BETTER else ""
 
 
 def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int) -> Finding:

@@ -46,6 +46,8 @@ def load_effects(path: Path | str) -> tuple[Effect, ...]:
     unnamed = [type(effect).__name__ for effect in found if not effect.name]
     if unnamed:
         raise InputError(Problem(str(path), "a `name` for every effect", f"none in {', '.join(unnamed)}"))
+    if loose := [type(effect).__name__ for effect in found if isinstance(effect.signals, str)]:
+        raise InputError(Problem(str(path), '`signals` as a tuple, such as ("dq",)', f"a text in {', '.join(loose)}"))
     return found
 
 

@@ -69,19 +69,20 @@ EFFECTS = {
     "external_contact": lambda j, a: dict(wall_normal=NORMALS[j - 1], wall_stiffness=2.5 * a, wall_damping=0.05, wall_share=0.85),
     "joint_coupling": lambda j, a: dict(couple_viscous=pair(j, j % 3 + 1, 0.5e-3 * a), couple_coulomb=pair(j, j % 3 + 1, 0.04 * a * _fc(j))),
 }
+# what the residual depends on: one of these sets, of the joint with the effect; without numbers any joint
 OUTSIDE = {
-    "hum": (lambda j, a: dict(hum=only(j, 1e-3 * a)), {"time"}),
-    "drag_at_angle": (lambda j, a: dict(drag_at_angle=only(j, 4e-3 * a)), {"q", "dq"}),
-    "cross": (lambda j, a: dict(cross=only(j, 1e-3 * a)), {"dq1", "dq2"}),
-    "touch": (lambda j, a: dict(touch=only(j, 2e-3 * a)), {"time"}),
-    "wander": (lambda j, a: dict(wander=only(j, 1e-3 * a)), {"time"}),
-    "eddy": (lambda j, a: dict(eddy=only(j, 10e-3 * a), eddy_velocity=np.full(3, 0.5)), {"dq"}),
-    "fading_gain": (lambda j, a: dict(fading_gain=only(j, {1: 8.0, 2: 3.0, 3: 3.0}[j] * a)), {"tau"}),
-    "eccentric": (lambda j, a: dict(eccentric=only(j, 0.01 * a)), {"q"}),
-    "squeeze": (lambda j, a: dict(squeeze=only(j, 0.15 * a)), {"q", "dq"}),
-    "sticky": (lambda j, a: dict(sticky=only(j, 0.05 * a)), {"time", "dq"}),
-    "loaded_ripple": (lambda j, a: dict(loaded_ripple=only(j, 0.01 * a), ripple_order=np.full(3, 26.0)), {"q"}),
-    "flywheel": (lambda j, a: dict(flywheel=only(j, 0.08e-3 * a)), {"q", "dq", "tau"}),
+    "hum": (lambda j, a: dict(hum=only(j, 1e-3 * a)), ({"time"},)),
+    "drag_at_angle": (lambda j, a: dict(drag_at_angle=only(j, 4e-3 * a)), ({"q", "dq"},)),
+    "cross": (lambda j, a: dict(cross=only(j, 1e-3 * a)), ({"dq1", "dq2"},)),
+    "touch": (lambda j, a: dict(touch=only(j, 2e-3 * a)), ({"time"},)),
+    "wander": (lambda j, a: dict(wander=only(j, 1e-3 * a)), ({"time"},)),
+    "eddy": (lambda j, a: dict(eddy=only(j, 10e-3 * a), eddy_velocity=np.full(3, 0.5)), ({"dq"},)),
+    "fading_gain": (lambda j, a: dict(fading_gain=only(j, {1: 8.0, 2: 3.0, 3: 3.0}[j] * a)), ({"tau"},)),
+    "eccentric": (lambda j, a: dict(eccentric=only(j, 0.01 * a)), ({"q", "tau"},)),
+    "squeeze": (lambda j, a: dict(squeeze=only(j, 0.15 * a)), ({"q", "dq"},)),
+    "sticky": (lambda j, a: dict(sticky=only(j, 0.05 * a)), ({"time"},)),
+    "loaded_ripple": (lambda j, a: dict(loaded_ripple=only(j, 0.01 * a), ripple_order=np.full(3, 26.0)), ({"q", "tau"},)),
+    "flywheel": (lambda j, a: dict(flywheel=only(j, 0.08e-3 * a)), ({"tau"}, {"history of q"})),
 }
 ARM_WIDE = ("payload", "base_tilt", "external_contact")
 DECLARED = ("payload", "torque_gain")

@@ -73,6 +73,8 @@ def detection(options):
     found = [o for o in out[len(seeds) :] if o.good and o.before and o.seed in floors]
     failed = [(o.label, o.seed, o.verdict) for o in out if o.verdict.startswith("error")]
     print(f"**One effect of the library**: {len(names)} effects, {len(found)} runs; {len(failed)} ended in an error {failed or ''}\n")
+    doubted = sum(o.right and all("unknown" in f[2] for f in o.found) for o in found)
+    print(f"Of the right names {doubted} of {sum(o.right for o in found)} stand beside `unknown`.\n")
     visibility(found, floors)
     precision(found, floors)
     table(found, names, options.sizes, floors)
@@ -176,7 +178,7 @@ def beyond(options):
         group = [o for o in out if o.label == name and o.good]
         doubted, named = ([f[0] for o in group for f in o.found if ("unknown" in f[2]) is doubt] for doubt in (True, False))
         said = sum(o.verdict == "unexplained" for o in group)
-        right = sum(o.verdict == "unexplained" and any(_fits(x, signals) for x in o.unknown) for o in group)
+        right = sum(o.verdict == "unexplained" and any(_fits(x, signals, o.truth["unknown"]) for x in o.unknown) for o in group)
         nothing = sum(o.verdict == "model_complete" for o in group)
         print(f"| {name} | {said}/{len(group)} | {right} | {nothing} | {_counted(doubted)} | {_counted(named)} |")
     return out
@@ -186,9 +188,11 @@ def _counted(names):
     return ", ".join(f"{n} {names.count(n)}" for n in sorted(set(names)))
 
 
-def _fits(unknown, signals):
+def _fits(unknown, signals, joints):
+    """Whether one joint's nameless dependence is on all signals of one of the sets, on a joint that has the effect."""
     joint, found = unknown
-    return any(w in s or s.rstrip("123") == w for s in found for w in signals)
+    found = {*found, *(s.rstrip("123") for s in found)}
+    return joint in joints and any(wanted <= found for wanted in signals)
 
 
 def viscosity(options):

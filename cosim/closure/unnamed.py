@@ -15,7 +15,7 @@ from cosim.effects.effect import Theta
 from cosim.effects.transmission import displaced
 
 HATS = 8
-_FITS = count(1)
+_FITS = count(1)  # numbers of the fits that columns are formed from
 APART = (5.0, 7.5, 12.0, 20.0)  # filter widths: beyond the filter's memory
 
 
@@ -128,10 +128,11 @@ def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndar
         return lambda scene, joint: values
 
     own, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
+    others = {f"{name}{joint + 1}": signal for name, signal in signals.items() if name not in effect.signals}
     return tuple(
-        Dependence(signals=(*own, f"{name}{joint + 1}"), basis=basis(signal), sharp=effect.sharp, words=f"{effect.name} that varies with {name}{joint + 1}", fitted=fitted)
-        for name, signal in signals.items() if name not in effect.signals
-    )  # fmt: skip
+        Dependence(signals=(*own, name), basis=basis(signal), sharp=effect.sharp, words=f"{effect.name} that varies with {name}", fitted=fitted)
+        for name, signal in others.items()
+    )
 
 
 def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependence:

@@ -68,7 +68,8 @@ class Finding:
         """Names that the data cannot tell from this one, closest first, at most `LISTED`.
 
         Those that no motion tells apart, those within one standard error, and the relatives of an effect between motor and link that
-        leaves a nameless rest on its joint: their details, which decide between them, are in that rest.
+        leaves a nameless rest on its joint: their details, which decide between them, are in that rest. `unknown` is the last where
+        an effect without a name may stand behind it.
         """
         inherent = [alias.name for alias in self.effect.aliases if alias.always]
         close = [rival.evidence.name for rival in self.indistinguishable]

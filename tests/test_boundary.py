@@ -129,6 +129,7 @@ def missed(seed, cells, side):
     return wrong.mean(), len(found), all(seen), audit.bound, runs
 
 
+@pytest.mark.timeout(900)  # minutes on busy cores
 def test_no_tongue_is_missed():
     wrong, count, all_seen, bound, _ = missed(seed=1, cells=12, side=30)
     assert count == 3 and all_seen
@@ -136,6 +137,7 @@ def test_no_tongue_is_missed():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # minutes on busy cores
 def test_no_tongue_is_missed_in_ten_seeds():
     for seed in range(10):
         wrong, _, all_seen, bound, _ = missed(seed, 12, 50)

@@ -59,7 +59,6 @@ class Dependence(Effect):
 @define(eq=False)
 class _Signals:
     scene: Scene
-    train: np.ndarray
 
     @cached_property
     def since_reversal(self) -> np.ndarray:
@@ -74,7 +73,7 @@ class _Signals:
 def dependences(scene: Scene) -> tuple[Dependence, ...]:
     """What a residual may depend on: own and other signals of the joints, their products, history, time, further recorded signals."""
     m = scene.motion
-    signals = _Signals(scene, ~m.test)
+    signals = _Signals(scene)
     nj, fitted, raw = scene.joints, next(_FITS), scene.device == "regressor"
 
     def on(basis, *names: str) -> Dependence:

@@ -130,9 +130,9 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
+        former = tuple((c, model.fit.beta[model.coefficients(k)]) for k, c in enumerate(model.choices) if k in reasons)
         choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
         model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
-        former = tuple((f.choice, selection.model.fit.beta[selection.model.coefficients(k)]) for k, f in enumerate(findings) if k in reasons)
         left = leftovers(model, rule, former) or left
     kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.evidence.joints)) for f in kept)
     return _answer(kept, withdrawn, left, model)

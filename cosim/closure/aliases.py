@@ -6,9 +6,11 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.candidates import screen
-from cosim.closure.evidence import Evidence, weigh
+from cosim.closure.dependence import weighed
+from cosim.closure.evidence import Evidence, standard_errors, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Rule, polished
+from cosim.closure.unnamed import Dependence, faults
 from cosim.effects import Effect
 
 LISTED = 2  # alternatives named beside an effect; more are told in its evidence
@@ -47,6 +49,21 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
                 other = evolve(other, model=polished(other.model, chosen.model.weight))  # the chosen one has a friction law of its own as well
             out.append(Rival(other, _worse(chosen, other), _reached(rest, chosen, other)))
     return chosen, tuple(sorted(out, key=lambda rival: rival.worse))
+
+
+def fault_behind(model: Model, number: int) -> Dependence | None:
+    """A fault of drive or encoder, which has no name, that does as well as choice `number` or as all choices of its joint; None if none does."""
+    (joint, *others), own = model.choices[number].joints, model.choices[number]
+    if others:
+        return None
+    alone = tuple(c for c in model.choices if c is not own)
+    for kept in dict.fromkeys((alone, tuple(c for c in alone if c.joints != own.joints))):
+        rest = with_choices(model, kept)
+        for fault in faults(rest.scene, joint):
+            evidence = weighed(rest, fault, joint, 1)
+            if evidence is not None and standard_errors(evidence.model.unseen(joint) - model.unseen(joint)) <= NEAR:
+                return fault
+    return None
 
 
 def _share(model: Model, choice, joints: tuple[int, ...]) -> float:

@@ -1,5 +1,7 @@
 """Is anything left in the residual? Smooth functions of single signals, of pairs and of history compete under the rule of the claims."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from attrs import evolve, frozen
 
@@ -8,7 +10,7 @@ from cosim.closure.evidence import Evidence, weigh
 from cosim.closure.floor import from_sensors
 from cosim.closure.model import Choice, Model, columns_of, with_choices
 from cosim.closure.selection import Rule
-from cosim.closure.unnamed import Dependence, dependences, misread, persistence, varied
+from cosim.closure.unnamed import Dependence, dependences, faults, persistence, varied
 
 PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to foretell
 LARGE = 0.01  # of the torque
@@ -27,13 +29,17 @@ class Leftover:
     sure: bool = True
 
     @property
+    def choice(self) -> Choice:
+        return self.evidence.candidate.choice
+
+    @property
     def signals(self) -> tuple[str, ...]:
-        return self.evidence.candidate.choice.effect.signals
+        return self.choice.effect.signals
 
     @property
     def form(self) -> str:
         """What was fitted, in words."""
-        return self.evidence.candidate.choice.effect.title
+        return self.choice.effect.title
 
     @property
     def joint(self) -> int:
@@ -47,8 +53,8 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
     coefficients.
     """
     joints = tuple(range(model.setting.joints))
-    kinds = [(kind, joints) for kind in dependences(model.scene)] + [(kind, (j,)) for j in joints for kind in misread(model.scene, j)]
-    parts = [(c, model.fit.beta[model.coefficients(k)], False) for k, c in enumerate(model.choices)] + [(*part, True) for part in former]
+    kinds = [(kind, joints) for kind in dependences(model.scene)] + [(kind, (j,)) for j in joints for kind in faults(model.scene, j)]
+    parts = [(c, model.beta(k), False) for k, c in enumerate(model.choices)] + [(*part, True) for part in former]
     for choice, beta, whole in parts:
         if len(choice.joints) == 1 and choice.effect.signals:
             kinds += [(kind, choice.joints) for kind in varied(model.scene, choice.effect, choice.joints[0], choice.theta, beta, whole)]
@@ -109,7 +115,7 @@ def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> t
 
 def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
     """Evidence for every dependence of one joint added to a model by itself."""
-    kinds = (*dependences(base.scene), *misread(base.scene, joint))
+    kinds = (*dependences(base.scene), *faults(base.scene, joint))
     normal = Normal(base)
     found = (weighed(base, kind, joint, len(kinds), normal) for kind in kinds)
     return tuple(e for e in found if e is not None)
@@ -124,11 +130,15 @@ def weighed(model: Model, kind: Dependence, joint: int, trials: int, normal: Nor
     return weigh(model, Candidate(choice, gain, screened[1], 1), trials)
 
 
-def corrected(model: Model, found: tuple[Leftover, ...]) -> Model:
-    """The model with the best smooth correction of each joint that needs one."""
-    best: dict[int, Choice] = {}
+def strongest(found: Iterable[Leftover]) -> dict[int, Leftover]:
+    """The first of each joint."""
+    out: dict[int, Leftover] = {}
     for leftover in found:
-        if leftover.evidence.candidate.choice.effect.witness or not leftover.sure:
-            continue
-        best.setdefault(leftover.joint, leftover.evidence.candidate.choice)
-    return with_choices(model, (*model.choices, *best.values()))
+        out.setdefault(leftover.joint, leftover)
+    return out
+
+
+def corrected(model: Model, found: Iterable[Leftover]) -> Model:
+    """The model with the best smooth correction of each joint that needs one."""
+    best = strongest(x for x in found if x.sure and not x.choice.effect.witness).values()
+    return with_choices(model, (*model.choices, *(x.choice for x in best)))

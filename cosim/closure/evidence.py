@@ -89,7 +89,7 @@ def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:
     for number, (choice, columns) in enumerate(zip(model.choices, model.columns, strict=True)):
         if choice.effect.measured:
             for j, values in columns.items():
-                taken[j] += values @ model.fit.beta[model.coefficients(number)]
+                taken[j] += values @ model.beta(number)
     use = model.setting.use & ~model.setting.rows.test
     whole, left = (np.where(use, y**2, 0).sum(axis=1) for y in (model.setting.y, model.target - taken))
     share = np.maximum(whole, 1e-300) / np.maximum(left, 1e-3 * np.maximum(whole, 1e-300))

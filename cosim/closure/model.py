@@ -123,6 +123,10 @@ class Model:
         start = self.base.shape[2] + sum(sizes[:number])
         return slice(start, start + sizes[number])
 
+    def beta(self, number: int) -> np.ndarray:
+        """Coefficients (k,) of choice `number` as fitted."""
+        return self.fit.beta[self.coefficients(number)]
+
     def unphysical(self, number: int, scene: Scene | None = None) -> str:
         """Why the estimate of choice `number` cannot be its effect, beside the model or another scene; empty where it can."""
         choice, part = self.choices[number], self.coefficients(number)
@@ -149,7 +153,7 @@ class Model:
         for number, choice in enumerate(self.choices):
             if not choice.effect.actuator:
                 for j, values in choice.effect.columns(self.seen or scene, choice.joints, choice.theta).items():
-                    extra[:, j] += values @ beta[self.coefficients(number)]
+                    extra[:, j] += values @ self.beta(number)
         return evolve(scene, prediction=rigid + friction + extra)
 
     @cached_property

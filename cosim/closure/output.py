@@ -99,7 +99,7 @@ def sentence(closure: Closure) -> str:
 def _left(leftover: Leftover) -> str:
     signals = " and ".join(leftover.signals)
     if leftover.sure:
-        words = leftover.evidence.candidate.choice.effect.words
+        words = leftover.choice.effect.words
         return f"the residual of joint {leftover.joint + 1} depends on {signals}{words and f': {words}'}"
     return f"joint {leftover.joint + 1} leaves more than its sensors' noise; no signal surely explains it, {signals} comes closest"
 

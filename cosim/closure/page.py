@@ -124,7 +124,7 @@ def _signal(model: Model, name: str) -> np.ndarray | None:
     if name == "time":
         return motion.time[index]
     kind, _, number = name.rpartition(" ")
-    source = {"q": motion.q, "dq": motion.dq, "tau": motion.tau, "tau rate": motion.rate(motion.tau)}.get(kind)
+    source = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq, "tau": motion.tau, "tau rate": motion.rate(motion.tau)}.get(kind)
     if source is None or not number.isdigit() or not 0 < int(number) <= source.shape[1]:
         return None
     return source[index, int(number) - 1]

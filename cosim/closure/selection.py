@@ -227,7 +227,7 @@ def _newton_steps(model: Model, number: int, free: tuple[int, ...]) -> np.ndarra
 
 def tangents(model: Model, number: int, free: tuple[int, ...]) -> list[tuple[np.ndarray, float]]:
     """For each free nonlinear parameter of an effect the weighted column (J, m, 1) of a step of it, and the change of its value by a step."""
-    choice, scene, beta, out = model.choices[number], model.seen or model.scene, model.fit.beta[model.coefficients(number)], []
+    choice, scene, beta, out = model.choices[number], model.seen or model.scene, model.beta(number), []
     for index in free:
         ahead, behind = (choice.effect.moved(choice.theta, index, s) for s in (TANGENT, -TANGENT))
         a, b = (filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, th)) for th in (ahead, behind))

@@ -35,6 +35,7 @@ class Dependence(Effect):
     dynamic: bool = False
     witness: bool = False  # formed from the residual itself: shows that something is left, corrects nothing
     words: str = ""  # what it is, where the signals do not say it
+    separated_by: str = ""  # what would tell it from a named effect that explains the same, where it may stand behind one
     fitted: int = 0  # number of the fit that its columns are formed from: those of another fit are others
     name = "unknown"
 
@@ -82,6 +83,7 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
     out = [on(_time, "time")]
     out += [on(_of(m.q[:, i]), f"q{i + 1}") for i in range(nj)]
     out += [on(_of(m.dq[:, i]), f"dq{i + 1}") for i in range(nj)]
+    out += [evolve(on(_of(m.ddq[:, i]), f"ddq{i + 1}"), sharp=raw) for i in range(nj)]
     out += [evolve(on(_of(scene.rigid[:, i]), f"tau{i + 1}"), sharp=raw, fitted=fitted) for i in range(nj)]  # not the measured one: tau is a function of that
     out += [on(_product(m.q[:, i], m.dq[:, i], scene.sign[:, i]), f"q{i + 1}", f"dq{i + 1}") for i in range(nj)]
     out += [on(_history(signals, i), f"history of q{i + 1}") for i in range(nj)]
@@ -96,17 +98,29 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
     return tuple(out)
 
 
-def misread(scene: Scene, joint: int) -> tuple[Dependence, ...]:
-    """An encoder whose error is a smooth function of the angle: what the joint's own torque makes of it. None without equations of motion."""
-    if scene.rigid_slopes is None:
-        return ()
+def faults(scene: Scene, joint: int) -> tuple[Dependence, ...]:
+    """Faults of a joint's drive and encoder: a gain that varies smoothly with the torque or over time, an error that does with the angle or
+    over time. They may do within a motion what an effect of the arm does. The encoder's need equations of motion.
+    """
+    q, torque = scene.motion.q[:, joint], scene.prediction[:, [joint]]
+    x, angle, clock = torque / max(float(torque.std()), 1e-12), _standard(q), _time(scene, joint)
+    clock = clock - clock.mean(axis=0)  # a constant gain or offset has a name
+    number, fitted, load = joint + 1, next(_FITS), "the same angles under another load"
 
-    def basis(scene: Scene, joint: int) -> np.ndarray:
-        x = _standard(scene.motion.q[:, joint])
-        return displaced(scene, joint, -np.stack((x, x * x, x**3), axis=1) * scene.motion.q[:, joint].std())[joint]
+    def drive(shape: np.ndarray, varies_with: str, *signals: str) -> Dependence:
+        columns = torque * shape
+        return Dependence(signals=signals, basis=lambda scene, joint: columns, sharp=scene.device == "regressor", fitted=fitted,
+                          words=f"a gain of the drive that varies with {varies_with}", separated_by=f"{load}, or a torque measured behind the drive")  # fmt: skip
 
-    words = f"an error of the encoder that varies with q{joint + 1}"
-    return (Dependence(signals=(f"q{joint + 1}", f"tau{joint + 1}"), basis=basis, sharp=False, words=words, fitted=next(_FITS)),)
+    def encoder(shift: np.ndarray, varies_with: str, *signals: str) -> Dependence:
+        return Dependence(signals=signals, basis=lambda scene, joint: displaced(scene, joint, -shift)[joint], sharp=False, fitted=fitted,
+                          words=f"an error of the encoder that varies with {varies_with}", separated_by=f"{load}, or a second encoder")  # fmt: skip
+
+    found = [drive(np.concatenate((x, np.abs(x), x * x), axis=1), f"tau{number}", f"tau{number}"), drive(clock, "time", "time", f"tau{number}")]
+    if scene.rigid_slopes is not None:
+        shapes = np.stack((angle, angle * angle, angle**3), axis=1)
+        found += [encoder(q.std() * shapes, f"q{number}", f"q{number}", f"tau{number}"), encoder(q.std() * clock, "time", "time", f"tau{number}")]
+    return tuple(found)
 
 
 def _standard(x: np.ndarray) -> np.ndarray:
@@ -114,7 +128,7 @@ def _standard(x: np.ndarray) -> np.ndarray:
 
 
 def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndarray, whole: bool) -> tuple[Dependence, ...]:
-    """An effect of one joint whose size varies with another signal of that joint; `whole`: with the constant part of it, which the model lacks."""
+    """An effect of one joint whose size varies with a signal of that joint; `whole`: with the constant part of it, which the model lacks."""
     m = scene.motion
     columns = effect.columns(scene, (joint,), theta)[joint]
     columns = columns if effect.amplitude else (columns @ beta)[:, None]
@@ -127,10 +141,9 @@ def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndar
         return lambda scene, joint: values
 
     own, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
-    others = {f"{name}{joint + 1}": signal for name, signal in signals.items() if name not in effect.signals}
     return tuple(
-        Dependence(signals=(*own, name), basis=basis(signal), sharp=effect.sharp, words=f"{effect.name} that varies with {name}", fitted=fitted)
-        for name, signal in others.items()
+        Dependence(signals=tuple(dict.fromkeys((*own, name))), basis=basis(signal), sharp=effect.sharp, words=f"{effect.name} that varies with {name}", fitted=fitted)
+        for name, signal in ((f"{name}{joint + 1}", signal) for name, signal in signals.items())
     )
 
 
@@ -147,7 +160,8 @@ def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependen
 
 
 def _knots(x: np.ndarray, count: int = HATS) -> np.ndarray:
-    return np.unique(np.quantile(x, np.linspace(0.01, 0.99, count)))
+    """Quantiles, the ends included: hats that end before them leave a linear term of the model to the few rows beyond."""
+    return np.unique(np.quantile(x, np.linspace(0, 1, count)))
 
 
 def _of(x: np.ndarray):

@@ -6,9 +6,9 @@ from enum import Enum
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.closure.aliases import LISTED, Rival, indistinguishable, rivals
+from cosim.closure.aliases import LISTED, Rival, fault_behind, indistinguishable, rivals
 from cosim.closure.candidates import Candidate
-from cosim.closure.dependence import Leftover, corrected, in_place, leftovers
+from cosim.closure.dependence import Leftover, corrected, in_place, leftovers, strongest
 from cosim.closure.evidence import Evidence, standard_errors, weigh
 from cosim.closure.model import Choice, Model, evolve_model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
@@ -17,7 +17,6 @@ from cosim.effects import Effect, Estimate
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
 MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
 STEADY = 1.5  # factor by which a coefficient may change beside it
-DOUBT = 0.35  # of what a name leaves: from here on a nameless function makes the name doubtful
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
 SKEW = 0.3  # samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs; a wall of k [N/m] takes d [s] of it for a damping of k d
@@ -85,9 +84,10 @@ class Finding:
         """
         if len(self.joints) > 1:
             return self.vague
-        far = (x for x in self.rest if x.sure and not x.evidence.candidate.choice.effect.witness and min(x.evidence.gain_fit, x.evidence.gain_held) > DOUBT)
-        if (leftover := next(far, None)) is None:
+        if self.vague or not self.rest:
             return self.vague
+        if not (leftover := self.rest[0]).sure:
+            return "it leaves more than its sensors' noise: other excitation"
         return f"what it leaves is {leftover.form}: a motion that changes {' and '.join(leftover.signals)} one at a time"
 
     @property
@@ -130,7 +130,7 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
     withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
     if withdrawn:
-        former = tuple((c, model.fit.beta[model.coefficients(k)]) for k, c in enumerate(model.choices) if k in reasons)
+        former = tuple((c, model.beta(k)) for k, c in enumerate(model.choices) if k in reasons)
         choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
         model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
         left = leftovers(model, rule, former) or left
@@ -154,10 +154,7 @@ def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[i
     for joints in {c.joints for c in model.choices}:
         numbers = [k for k, c in enumerate(model.choices) if c.joints == joints]
         base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
-        here: dict[int, Leftover] = {}
-        for leftover in left:
-            if leftover.joint in joints:
-                here.setdefault(leftover.joint, leftover)
+        here = strongest(leftover for leftover in left if leftover.joint in joints)
         reason = _too_much_left(base, model, tuple(here.values()), numbers, rule)
         reason = reason or (_unnamed_better(base, model, joints[0]) if len(joints) == 1 else "")
         if reason:
@@ -172,7 +169,7 @@ def _too_much_left(base: Model, model: Model, here: tuple[Leftover, ...], number
     if not here:
         return ""
     joints = list(model.choices[numbers[0]].joints)
-    nameless = tuple(leftover.evidence.candidate.choice for leftover in here)
+    nameless = tuple(leftover.choice for leftover in here)
     without, names, both = (float(m.joint_error()[0][:, joints].sum()) for m in (base, model, with_choices(model, (*model.choices, *nameless))))
     named, possible = without - names, max(without - both, 1e-300)
     if named >= NAMED_SHARE * possible:
@@ -189,7 +186,7 @@ def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule
     others = tuple(c for k, c in enumerate(model.choices) if k != number)
     rest = with_choices(model, (*others, *nameless))
     beside = weigh(rest, Candidate(choice, 0.0, np.zeros(0), 1), 1)
-    alone, now = (choice.effect.amount(beta, choice.theta) for beta in (model.fit.beta[model.coefficients(number)], beside.beta))
+    alone, now = (choice.effect.amount(beta, choice.theta) for beta in (model.beta(number), beside.beta))
     strong = np.abs(alone) > 0.3 * np.abs(alone).max()
     ratio = now[strong] / alone[strong]
     return not rule.refusal(beside) and bool((ratio > 1 / STEADY).all() and (ratio < STEADY).all())
@@ -212,8 +209,9 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     """Evidence, parameters, intervals and rivals of one chosen effect."""
     evidence, found = rivals(model, number, effects, rule, trials)
     values, interval = intervals(model, number)
-    choice = model.choices[number]
-    return Finding(choice, evidence, values, interval, found, vague=choice.effect.vague(model.scene, choice.joints, choice.theta))
+    choice, fault = model.choices[number], fault_behind(model, number)
+    vague = f"{fault.words} explains as much: {fault.separated_by}" if fault else choice.effect.vague(model.scene, choice.joints, choice.theta)
+    return Finding(choice, evidence, values, interval, found, vague=vague)
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

@@ -82,6 +82,11 @@ OUTSIDE = {
     "squeeze": (lambda j, a: dict(squeeze=only(j, 0.15 * a)), ({"q", "dq"},)),
     "sticky": (lambda j, a: dict(sticky=only(j, 0.05 * a)), ({"time"},)),
     "loaded_ripple": (lambda j, a: dict(loaded_ripple=only(j, 0.01 * a), ripple_order=np.full(3, 26.0)), ({"q", "tau"},)),
+    "windage": (lambda j, a: dict(windage=only(j, 1e-3 * a)), ({"dq"},)),
+    "crosstalk": (lambda j, a: dict(crosstalk=only(j, 0.02 * a)), ({"tau"},)),
+    "sag": (lambda j, a: dict(sag=only(j, 1e-3 * a)), ({"time"},)),
+    "lost_counts": (lambda j, a: dict(lost_counts=only(j, 0.01 * a)), ({"time"},)),
+    "bumper": (lambda j, a: dict(bumper=only(j, 0.02 * a)), ({"q"},)),
     "flywheel": (lambda j, a: dict(flywheel=only(j, 0.08e-3 * a)), ({"tau"}, {"history of q"})),
 }
 ARM_WIDE = ("payload", "base_tilt", "external_contact")

@@ -103,7 +103,7 @@ def _batch(plants, experiments, duration, substeps):
     fade = np.exp(-1e-3 * 2 * np.pi * 60)
     walk = np.zeros_like(ref[0])
     for k in range(n):
-        angle = arms.angle + b.encoder_offset + b.eccentric * np.sin(3 * arms.angle)
+        angle = arms.angle + b.encoder_offset + b.eccentric * np.sin(3 * arms.angle) + b.lost_counts * (arms.t > b.lost_at)
         seen = np.where(resolution > 0, np.round(angle / np.where(resolution > 0, resolution, 1)) * resolution, angle)
         if seen_before is not None:
             rate_seen = fade * rate_seen + (1 - fade) * (seen - seen_before) * 1000

@@ -87,6 +87,13 @@ class Plant:
     sticky: np.ndarray = _joint()  # share by which the Coulomb level jumps up for 1.5 s in every 4, dirt on a wheel that turns slowly
     loaded_ripple: np.ndarray = _joint()  # of the delivered torque, times sin(order q): a toothed gear
     flywheel: np.ndarray = _joint()  # kg.m^2: torque from the acceleration of the next joint, a motor carried along
+    windage: np.ndarray = _joint()  # N.m.s^3: c v^3
+    crosstalk: np.ndarray = _joint()  # of the next joint's command, added to this one's: amplifiers that share a rail
+    sag: np.ndarray = _joint()  # 1/s: the drive delivers u exp(-c t), magnets that warm up
+    lost_counts: np.ndarray = _joint()  # rad by which the encoder is off from `lost_at` on
+    lost_at: float = 9.0
+    bumper: np.ndarray = _joint()  # N.m/rad of a rubber stop beyond `bumper_from`
+    bumper_from: float = 0.15
 
 
 def stack(plants):
@@ -222,6 +229,10 @@ def resisting(b, q, w, t, slip, drive):
         out = out + b.eddy * w / (1 + (w / b.eddy_velocity) ** 2)
     if a["touch"]:
         out = out + b.touch * ((t > b.touch_from) & (t < b.touch_to))
+    if a["windage"]:
+        out = out + b.windage * w**3
+    if a["bumper"]:
+        out = out + b.bumper * np.maximum(q - b.bumper_from, 0.0)
     if a["loaded_ripple"]:
         out = out + b.loaded_ripple * np.abs(drive) * np.sin(b.ripple_order * q + b.ripple_phase)
     return out
@@ -257,6 +268,10 @@ class Arms:
     def delivered(self, command, wander):
         b = self.b
         u = (1 + b.gain) * command
+        if b.active["crosstalk"]:
+            u = u + b.crosstalk * np.roll(command, -1, axis=0)
+        if b.active["sag"]:
+            u = u * np.exp(-b.sag * self.t)
         if b.active["delay"]:
             self.buffer[self.count % len(self.buffer)] = u
             back = np.minimum(np.round(b.delay / self.h).astype(int), self.count)

@@ -77,6 +77,11 @@ def test_a_name_that_a_fault_of_the_encoder_does_as_well_as_is_not_sure(outcomes
     assert (name, joints, aliases[-1]) == ("position_torque", [3], "unknown")
 
 
+def test_a_drive_that_loses_gain_and_a_motor_carried_along_are_told_by_their_signals(outcomes):
+    assert (1, ["time", "tau1"]) in [(joint, signals) for joint, signals in outcomes["sag"].unknown]
+    assert {(2, ("ddq1",)), (1, ("ddq2",))} <= {(joint, tuple(signals)) for joint, signals in outcomes["flywheel"].unknown}
+
+
 def test_what_has_no_name_is_corrected_in_its_own_form(outcomes):
     """A ripple that grows with the load and an encoder off its centre: neither is a smooth function of one signal."""
     for name in ("loaded_ripple", "eccentric"):

@@ -167,6 +167,19 @@ def test_an_effect_of_the_users_own_file_is_found(tmp_path):
     assert closure.verdict.findings[0].parameters["cogwheel"] == pytest.approx(0.08, rel=0.03)
 
 
+def test_an_effect_of_the_users_own_that_cannot_be_hashed_stands_beside_another(tmp_path):
+    (tmp_path / "own.py").write_text("import dataclasses\n" + OWN.replace("class Cog", "@dataclasses.dataclass\nclass Cog"))
+    effects = tuple(e for e in library([tmp_path / "own.py"]) if e.name in ("cogwheel", "quadratic_drag"))
+    random = np.random.default_rng(2)
+
+    def tau(t, q, dq):
+        friction = 0.04 * dq + 0.1 * np.tanh(dq / 0.02) + 0.08 * dq * np.abs(dq)
+        return 0.05 * np.gradient(dq, t) + 0.3 * np.sin(q) + friction + 0.08 * np.sin(7 * q) + 0.004 * random.normal(size=len(t))
+
+    closure = close_loop(still(tau), Options(effects=effects, replayed=False))
+    assert {f.name for f in closure.verdict.findings} == {"cogwheel", "quadratic_drag"}
+
+
 @pytest.mark.parametrize(
     ("column", "words"),
     [("scene.motion.nothing", "Cogwheel.columns: .* AttributeError"), ("scene.motion.q[:, 0]", r"Cogwheel.columns: .*\(n, k\).* got \{0: \(\d+,\)\}"),

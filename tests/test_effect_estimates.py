@@ -12,6 +12,7 @@ from cosim.closure.model import complete, with_choices
 from cosim.closure.motion import prepare, thinned
 from cosim.closure.selection import polished
 from cosim.closure.setting import pose
+from cosim.closure.unnamed import hats
 from cosim.closure.verdict import Answer, intervals
 from cosim.effects import BUILT_IN, Estimate
 from cosim.measured import Description, Recording, Run
@@ -137,3 +138,11 @@ def test_a_curve_of_the_low_speeds_is_called_stribeck_for_sure():
     verdict = close_loop(recorded(low_speed), Options(replayed=False)).verdict
     assert [(f.name, f.joints) for f in verdict.findings] == [("stribeck", (1,))]
     assert "unknown" not in verdict.findings[0].aliases
+
+
+def test_hats_hold_every_straight_line_and_go_straight_on():
+    """Otherwise the model's own linear term, left to the rows beyond the last knot, would do anything there."""
+    knots, x = np.array((-1.0, 0.2, 0.5, 3.0)), np.linspace(-5, 5, 101)
+    np.testing.assert_allclose(hats(x, knots, straight_on=True) @ (2 * knots + 1), 2 * x + 1, atol=1e-12)
+    np.testing.assert_allclose(hats(x, knots) @ (2 * knots + 1), 2 * np.clip(x, -1, 3) + 1, atol=1e-12)
+    np.testing.assert_allclose(hats(x, knots).sum(axis=1), 1)

@@ -7,7 +7,7 @@ from attrs import evolve, frozen
 
 from cosim.closure.candidates import screen
 from cosim.closure.dependence import weighed
-from cosim.closure.evidence import Evidence, standard_errors, weigh
+from cosim.closure.evidence import Evidence, relative_error, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Rule, polished
 from cosim.closure.unnamed import Dependence, faults
@@ -52,18 +52,26 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
 
 
 def fault_behind(model: Model, number: int) -> Dependence | None:
-    """A fault of drive or encoder, which has no name, that does as well as choice `number` or as all choices of its joint; None if none does."""
+    """The fault of drive or encoder, which has no name, that does best in the place of choice `number` or of all choices of its joint, if
+    it does as well as they; None if none does.
+    """
     (joint, *others), own = model.choices[number].joints, model.choices[number]
     if others:
         return None
+    error, found = _errors(model, joint), []
     alone = tuple(c for c in model.choices if c is not own)
-    for kept in dict.fromkeys((alone, tuple(c for c in alone if c.joints != own.joints))):
+    bare = tuple(c for c in alone if c.joints != own.joints)
+    for kept in (alone, bare) if len(bare) < len(alone) else (alone,):
         rest = with_choices(model, kept)
-        for fault in faults(rest.scene, joint):
-            evidence = weighed(rest, fault, joint, 1)
-            if evidence is not None and standard_errors(evidence.model.unseen(joint) - model.unseen(joint)) <= NEAR:
-                return fault
-    return None
+        weighings = (weighed(rest, fault, joint, 1) for fault in faults(rest.scene, joint))
+        found += [(e, _errors(e.model, joint)) for e in weighings if e is not None]
+    best, least = min(found, key=lambda pair: pair[1].sum(), default=(None, error))
+    return best.candidate.choice.effect if best and _standard_errors(least - error) <= NEAR else None
+
+
+def _errors(model: Model, joint: int) -> np.ndarray:
+    """Squared error (B,) of every block of a joint, each with a fit that has not seen it."""
+    return np.concatenate([part[:, joint] for part in relative_error(model)])
 
 
 def _share(model: Model, choice, joints: tuple[int, ...]) -> float:
@@ -81,9 +89,12 @@ def _replaced(model: Model, number: int, choice, rest: Model, trials: int, candi
 
 def _worse(chosen: Evidence, other: Evidence) -> float:
     """Mean difference of squared error per block over its standard error, all blocks, each with a fit that has not seen it."""
-    difference = other.model.fit.sse.sum(axis=1) - chosen.model.fit.sse.sum(axis=1)
-    error = difference.std(ddof=1) / np.sqrt(len(difference))
-    return float(difference.mean() / max(error, 1e-300))
+    return _standard_errors(other.model.fit.sse.sum(axis=1) - chosen.model.fit.sse.sum(axis=1))
+
+
+def _standard_errors(difference: np.ndarray) -> float:
+    """Mean over its standard error."""
+    return float(difference.mean() / max(difference.std(ddof=1) / np.sqrt(len(difference)), 1e-300))
 
 
 def _reached(rest: Model, chosen: Evidence, other: Evidence) -> float:

@@ -42,6 +42,16 @@ class Leftover:
         return self.choice.effect.title
 
     @property
+    def separated_by(self) -> str:
+        """What would tell it from a named effect."""
+        if given := self.choice.effect.separated_by:
+            return given
+        if "time" in self.signals:
+            return "the same motion, later"
+        names = " and ".join(dict.fromkeys(name.removeprefix("history of ") for name in self.signals))
+        return f"a motion that changes {names} one at a time" if " and " in names else f"other ranges of {names}"
+
+    @property
     def joint(self) -> int:
         return self.evidence.joints[0]
 

@@ -106,5 +106,6 @@ def _left(leftover: Leftover) -> str:
 
 def _named(found: Finding) -> str:
     where = "" if len(found.joints) > 1 else f" on joint {found.joints[0]}"
-    aliases = f" (not told from {' or '.join(found.aliases)})" if found.aliases else ""
+    others = ["an effect without a name" if name == "unknown" else name for name in found.aliases]
+    aliases = f" (not told from {' or '.join(others)})" if others else ""
     return f"{found.name}{where}{aliases}"

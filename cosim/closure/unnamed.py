@@ -12,17 +12,22 @@ from attrs import define, evolve, frozen
 
 from cosim.effects import Effect, Scene
 from cosim.effects.effect import Theta
-from cosim.effects.transmission import displaced
+from cosim.effects.transmission import displaced, slopes
 
 HATS = 8
 _FITS = count(1)  # numbers of the fits that columns are formed from
 APART = (5.0, 7.5, 12.0, 20.0)  # filter widths: beyond the filter's memory
 
 
-def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Piecewise linear hat functions (n, k) with the given knots (k,); constant beyond the ends; they add to 1."""
-    place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1)
-    return np.maximum(1 - np.abs(place[:, None] - np.arange(len(knots))), 0.0)
+def hats(x: np.ndarray, knots: np.ndarray, straight_on: bool = False) -> np.ndarray:
+    """Piecewise linear hat functions (n, k) with the given knots (k,), constant or straight on beyond the ends; they add to 1."""
+    if len(knots) < 2:
+        return np.ones((len(x), 1))
+    before = np.clip(np.searchsorted(knots, x) - 1, 0, len(knots) - 2)
+    share = (x - knots[before]) / np.diff(knots)[before]
+    share = (share if straight_on else np.clip(share, 0, 1))[:, None]
+    place = np.arange(len(knots)) - before[:, None]
+    return np.where(place == 0, 1 - share, 0.0) + np.where(place == 1, share, 0.0)
 
 
 @frozen(kw_only=True)
@@ -80,11 +85,15 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
     def on(basis, *names: str) -> Dependence:
         return Dependence(signals=names, basis=basis)
 
+    def of(x: np.ndarray, name: str) -> Dependence:
+        return on(_of(x, ~m.test), name)
+
     out = [on(_time, "time")]
-    out += [on(_of(m.q[:, i]), f"q{i + 1}") for i in range(nj)]
-    out += [on(_of(m.dq[:, i]), f"dq{i + 1}") for i in range(nj)]
-    out += [evolve(on(_of(m.ddq[:, i]), f"ddq{i + 1}"), sharp=raw) for i in range(nj)]
-    out += [evolve(on(_of(scene.rigid[:, i]), f"tau{i + 1}"), sharp=raw, fitted=fitted) for i in range(nj)]  # not the measured one: tau is a function of that
+    out += [of(m.q[:, i], f"q{i + 1}") for i in range(nj)]
+    out += [of(m.dq[:, i], f"dq{i + 1}") for i in range(nj)]
+    out += [evolve(on(_odd(m.dq[:, i], scene.sign[:, i], ~m.test), f"dq{i + 1}"), words=f"a friction curve over dq{i + 1}") for i in range(nj)]
+    out += [evolve(of(m.ddq[:, i], f"ddq{i + 1}"), sharp=raw) for i in range(nj)]
+    out += [evolve(of(scene.rigid[:, i], f"tau{i + 1}"), sharp=raw, fitted=fitted) for i in range(nj)]  # not the measured one: tau is a function of that
     out += [on(_product(m.q[:, i], m.dq[:, i], scene.sign[:, i]), f"q{i + 1}", f"dq{i + 1}") for i in range(nj)]
     out += [on(_history(signals, i), f"history of q{i + 1}") for i in range(nj)]
     for i in range(nj):
@@ -94,32 +103,38 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
                 out.append(on(_pairs(m.q[:, i], m.q[:, k]), f"q{i + 1}", f"q{k + 1}"))
             if k != i:
                 out.append(on(_product(m.q[:, k], m.dq[:, i], scene.sign[:, i]), f"q{k + 1}", f"dq{i + 1}"))
-    out += [on(_of(values), name) for name, values in m.other.items()]
+    out += [of(values, name) for name, values in m.other.items()]
     return tuple(out)
 
 
 def faults(scene: Scene, joint: int) -> tuple[Dependence, ...]:
     """Faults of a joint's drive and encoder: a gain that varies smoothly with the torque or over time, an error that does with the angle or
     over time. They may do within a motion what an effect of the arm does. The encoder's need equations of motion.
+
+    A constant gain or error is a named effect and left out, but for a gain that the named effect cannot show. What varies over time
+    counts as slow: it shifts the angle, not the acceleration.
     """
-    q, torque = scene.motion.q[:, joint], scene.prediction[:, [joint]]
+    q, torque, fitted_rows = scene.motion.q[:, joint], scene.prediction[:, [joint]], ~scene.motion.test
     x, angle, clock = torque / max(float(torque.std()), 1e-12), _standard(q), _time(scene, joint)
-    clock = clock - clock.mean(axis=0)  # a constant gain or offset has a name
+    clock = (clock - clock[fitted_rows].mean(axis=0))[:, 1:]  # hats add to one
     number, fitted, load = joint + 1, next(_FITS), "the same angles under another load"
+    constant = np.ones((len(x), 0 if scene.declared else 1))
 
     def drive(shape: np.ndarray, varies_with: str, *signals: str) -> Dependence:
-        columns = torque * shape
+        columns = torque * np.concatenate((constant, shape), axis=1)
         return Dependence(signals=signals, basis=lambda scene, joint: columns, sharp=scene.device == "regressor", fitted=fitted,
                           words=f"a gain of the drive that varies with {varies_with}", separated_by=f"{load}, or a torque measured behind the drive")  # fmt: skip
 
-    def encoder(shift: np.ndarray, varies_with: str, *signals: str) -> Dependence:
-        return Dependence(signals=signals, basis=lambda scene, joint: displaced(scene, joint, -shift)[joint], sharp=False, fitted=fitted,
+    def encoder(basis, varies_with: str, *signals: str) -> Dependence:
+        return Dependence(signals=signals, basis=basis, sharp=False, fitted=fitted,
                           words=f"an error of the encoder that varies with {varies_with}", separated_by=f"{load}, or a second encoder")  # fmt: skip
 
     found = [drive(np.concatenate((x, np.abs(x), x * x), axis=1), f"tau{number}", f"tau{number}"), drive(clock, "time", "time", f"tau{number}")]
     if scene.rigid_slopes is not None:
-        shapes = np.stack((angle, angle * angle, angle**3), axis=1)
-        found += [encoder(q.std() * shapes, f"q{number}", f"q{number}", f"tau{number}"), encoder(q.std() * clock, "time", "time", f"tau{number}")]
+        shift = -q.std() * np.stack((angle, angle * angle, angle**3), axis=1)
+        found.append(encoder(lambda scene, joint: displaced(scene, joint, shift)[joint], f"q{number}", f"q{number}", f"tau{number}"))
+        if (by_angle := slopes(scene, joint)[0].get(joint)) is not None:
+            found.append(encoder(lambda scene, joint: by_angle[:, None] * clock, "time", "time", f"tau{number}"))
     return tuple(found)
 
 
@@ -156,20 +171,23 @@ def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependen
         shifts = [sign * widths * motion.widths.total for widths in APART for sign in (1, -1)]
         return np.concatenate([motion.advanced(level, shift) for shift in shifts], axis=1)
 
-    return Dependence(signals=("time",), basis=basis, witness=True, dynamic=True)
+    return Dependence(signals=("time",), basis=basis, witness=True, dynamic=True, words="a slow change that no signal explains")
 
 
-def _knots(x: np.ndarray, count: int = HATS) -> np.ndarray:
-    """Quantiles, the ends included: hats that end before them leave a linear term of the model to the few rows beyond."""
-    return np.unique(np.quantile(x, np.linspace(0, 1, count)))
-
-
-def _of(x: np.ndarray):
-    """Hats of a signal."""
+def _of(x: np.ndarray, fitted: np.ndarray):
+    """Hats of a signal (n,) between quantiles of its fitted rows (n,), straight on beyond their ends: where hats are constant, a linear
+    term of the model, which they hold too, is left to the few rows there.
+    """
     def basis(scene: Scene, joint: int) -> np.ndarray:
-        return hats(x, _knots(x))
+        return hats(x, np.unique(np.quantile(x[fitted], np.linspace(0, 1, HATS))), straight_on=True)
 
     return basis
+
+
+def _odd(dq: np.ndarray, sign: np.ndarray, fitted: np.ndarray):
+    """A friction curve, the same in both directions: hats of the speed, twice as close as those of the velocity."""
+    speed = _of(np.abs(dq), fitted)
+    return lambda scene, joint: speed(scene, joint) * sign[:, None]
 
 
 def _time(scene: Scene, joint: int) -> np.ndarray:

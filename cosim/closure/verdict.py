@@ -82,13 +82,11 @@ class Finding:
 
         Of an effect on several joints what is left on one of them says nothing.
         """
-        if len(self.joints) > 1:
-            return self.vague
-        if self.vague or not self.rest:
+        if self.vague or not self.rest or len(self.joints) > 1:
             return self.vague
         if not (leftover := self.rest[0]).sure:
-            return "it leaves more than its sensors' noise: other excitation"
-        return f"what it leaves is {leftover.form}: a motion that changes {' and '.join(leftover.signals)} one at a time"
+            return "it leaves more than its sensors' noise (other excitation)"
+        return f"what it leaves is {leftover.form} ({leftover.separated_by})"
 
     @property
     def separated_by(self) -> str:
@@ -210,8 +208,10 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     evidence, found = rivals(model, number, effects, rule, trials)
     values, interval = intervals(model, number)
     choice, fault = model.choices[number], fault_behind(model, number)
-    vague = f"{fault.words} explains as much: {fault.separated_by}" if fault else choice.effect.vague(model.scene, choice.joints, choice.theta)
-    return Finding(choice, evidence, values, interval, found, vague=vague)
+    vague = [choice.effect.vague(model.scene, choice.joints, choice.theta)]
+    if fault:
+        vague.insert(0, f"{fault.words} explains as much ({fault.separated_by})")
+    return Finding(choice, evidence, values, interval, found, vague=", ".join(filter(None, vague)))
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

@@ -174,8 +174,8 @@ def beyond(options):
     tasks = [(complete(s), experiment(s)) for s in seeds]
     tasks += [(outside(n, options.size, s), experiment(s)) for n in OUTSIDE for s in seeds]
     out = _run(tasks, options)
-    floors = {o.seed: o.before for o in out[: len(seeds)] if o.good}
-    print("| effect | `unexplained` | with the right signals | `model_complete` (at most, floors) | named beside `unknown` | named (at most, floors) |\n|---|---|---|---|---|---|")
+    floors = {o.seed: o.before for o in out[: len(seeds)] if o.good and o.before}
+    print("| effect | `unexplained` | with the right signals | `model_complete` (at most, floors) | named beside `unknown` | named (runs, at most, floors) |\n|---|---|---|---|---|---|")
     for name, (_, signals) in OUTSIDE.items():
         group = [o for o in out if o.label == name and o.good]
         doubted, named = ([f[0] for o in group for f in o.found if ("unknown" in f[2]) is doubt] for doubt in (True, False))
@@ -183,14 +183,14 @@ def beyond(options):
         right = sum(o.verdict == "unexplained" and any(_fits(x, signals, o.truth["unknown"]) for x in o.unknown) for o in group)
         nothing = _at_most([o for o in group if o.verdict == "model_complete"], floors)
         sure = _at_most([o for o in group if any("unknown" not in f[2] for f in o.found)], floors)
-        print(f"| {name} | {said}/{len(group)} | {right} | {nothing} | {_counted(doubted)} | {_counted(named)} {sure} |")
+        print(f"| {name} | {said}/{len(group)} | {right} | {nothing} | {_counted(doubted)} | {_counted(named)}{sure and f' in {sure}'} |")
     return out
 
 
 def _at_most(group, floors):
     """How many, and the largest held-out error that one of them leaves on a joint with the effect, over the floor."""
     after = [max(o.after[j - 1] / floors[o.seed][j - 1] for j in o.truth["unknown"]) for o in group if o.seed in floors]
-    return f"{len(group)} ({max(after):.1f})" if after else ""
+    return f"{len(group)} ({max(after):.1f})" if after else str(len(group) or "")
 
 
 def _counted(names):

@@ -10,7 +10,7 @@ from cosim.closure.closure import Options, close_loop
 from cosim.closure.errors import torque_error
 from cosim.closure.model import complete, with_choices
 from cosim.closure.motion import prepare, thinned
-from cosim.closure.selection import polished
+from cosim.closure.selection import Rule, polished
 from cosim.closure.setting import pose
 from cosim.closure.unnamed import hats
 from cosim.closure.verdict import Answer, intervals
@@ -88,6 +88,11 @@ def eddy(time, q, dq, tau):
     return np.outer(80e-3 * dq[:, 0] / (1 + (dq[:, 0] / 0.5) ** 2), (1.0, 0.0, 0.0))
 
 
+def windage(time, q, dq, tau):
+    """A drag by the cube of the speed."""
+    return np.outer(8e-3 * dq[:, 0] ** 3, (1.0, 0.0, 0.0))
+
+
 CASES = {
     "stribeck": (low_speed, (0,), {"stribeck[1]": LEVEL, "stribeck_velocity[1]": SPEED}),
     "joint_coupling": (coupling, (0,), {"coupling_viscous[1]": COUPLED[0], "coupling_coulomb[1]": COUPLED[1]}),
@@ -132,6 +137,15 @@ def test_a_curve_whose_end_is_hardly_seen_may_be_another():
     (effect,) = [e for e in answer(closure)["effects"] if e["name"] == "stribeck"]
     assert "unknown: speeds of more than 3 times the Stribeck speed" in effect["separated_by"]
     assert not {r.evidence.name for r in found.indistinguishable} - {*effect["indistinguishable_from"], *effect["evidence"]["also_close"]}
+
+
+def test_a_doubt_needs_less_than_a_claim():
+    """A rest of too little of the torque for a claim of its own; it may still stand behind the name."""
+    rule = Rule(size=0.04)
+    closure = close_loop(recorded(windage), Options(replayed=False, rule=rule))
+    (found,) = closure.verdict.findings
+    assert (found.name, closure.verdict.leftovers, found.aliases[-1]) == ("quadratic_drag", (), "unknown")
+    assert "what it leaves is" in found.separated_by
 
 
 def test_a_curve_of_the_low_speeds_is_called_stribeck_for_sure():

@@ -16,6 +16,7 @@ PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond t
 LARGE = 0.01  # of the torque
 BEYOND, MUCH = 4.0, 0.03  # times the noise of the sensors, and share of the torque, from which on a residual cannot be called noise
 NEW = 2.0  # times the residual of fitted rows, and the noise, from which on held-out rows show what those do not
+DOUBT = 0.25  # share of what a name leaves that a nameless function has to take away to make the name doubtful
 FLEXIBLE = 2.5  # a basis of eight functions has to remove this many times what one column has to
 
 
@@ -56,8 +57,9 @@ class Leftover:
         return self.evidence.joints[0]
 
 
-def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray], ...] = ()) -> tuple[Leftover, ...]:
-    """Dependences of the residual that the rule accepts, strongest first.
+def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray], ...] = ()) -> tuple[tuple[Leftover, ...], dict[int, Leftover]]:
+    """Dependences of the residual that the rule accepts, strongest first; for joints without any the best one that is enough to doubt
+    a name. A doubt needs less than a claim: it may be small and one of many that were tried.
 
     Whether the size of a named effect varies with another signal is one of them; `former`: effects that were named, with their
     coefficients.
@@ -70,7 +72,8 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
             kinds += [(kind, choice.joints) for kind in varied(model.scene, choice.effect, choice.joints[0], choice.theta, beta, whole)]
     trials = sum(len(on) for _, on in kinds)
     strict = evolve(rule, gain=FLEXIBLE * rule.gain, size=1.25 * rule.size)
-    found, best, normal = [], {}, Normal(model)
+    doubt = evolve(rule, p=1.0, gain=DOUBT, size=0.0)
+    found, best, doubts, normal = [], {}, {}, Normal(model)
     for kind, on in kinds:
         basis = model.setting.rows.filtered(kind.columns(model.scene, on, ())[on[0]], kind.sharp)
         for joint in on:
@@ -80,8 +83,9 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
                 continue
             if not strict.refusal(evidence):
                 found.append(Leftover(evidence))
-            if joint not in best or evidence.error() < best[joint].error():
-                best[joint] = evidence
+            for among in (best, *([] if doubt.refusal(evidence) else [doubts])):
+                if joint not in among or evidence.error() < among[joint].error():
+                    among[joint] = evidence
     found.sort(key=lambda leftover: leftover.evidence.error())
     bare = set(joints) - {leftover.joint for leftover in found}
     found += _persistent(model, rule, bare, normal)
@@ -91,7 +95,8 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
         every = [weighed(model, kind, joint, trials, normal, least=0.0) for kind, on in kinds if joint in on]
         if any(every):
             best[joint] = min(filter(None, every), key=Evidence.error)
-    return (*found, *(Leftover(best[joint], sure=False) for joint in large if joint in best))
+    found += [Leftover(best[joint], sure=False) for joint in large if joint in best]
+    return tuple(found), {joint: Leftover(evidence) for joint, evidence in doubts.items() if joint not in strongest(found)}
 
 
 def beyond_noise(model: Model) -> set[int]:

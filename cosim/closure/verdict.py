@@ -42,6 +42,7 @@ class Finding:
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
     rest: tuple[Leftover, ...] = ()  # what is left on its joints without a name
+    doubt: Leftover | None = None  # where nothing surely is: what may be
     vague: str = ""  # what is not measured that would tell it from effects without a name
     earlier: bool = False  # of an earlier pass: the model was started from it
 
@@ -82,9 +83,10 @@ class Finding:
 
         Of an effect on several joints what is left on one of them says nothing.
         """
-        if self.vague or not self.rest or len(self.joints) > 1:
+        leftover = next(iter(self.rest), self.doubt)
+        if self.vague or leftover is None or len(self.joints) > 1:
             return self.vague
-        if not (leftover := self.rest[0]).sure:
+        if not leftover.sure:
             return "it leaves more than its sensors' noise (other excitation)"
         return f"what it leaves is {leftover.form} ({leftover.separated_by})"
 
@@ -116,7 +118,7 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
     """Findings with aliases; the residual's leftovers; names withdrawn where a nameless function does clearly better."""
     model = selection.model
     progress("looking for what is left in the residual")
-    left = leftovers(model, rule)
+    left, doubts = leftovers(model, rule)
     reasons = _withdrawals(model, left, rule)
     progress("comparing each effect with its rivals")
     earlier = {choice.key for choice in selection.before.choices}
@@ -131,8 +133,9 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
         former = tuple((c, model.beta(k)) for k, c in enumerate(model.choices) if k in reasons)
         choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
         model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
-        left = leftovers(model, rule, former) or left
-    kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.evidence.joints)) for f in kept)
+        again, doubts = leftovers(model, rule, former)
+        left = again or left
+    kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.evidence.joints), doubt=doubts.get(f.evidence.joints[0])) for f in kept)
     return _answer(kept, withdrawn, left, model)
 
 

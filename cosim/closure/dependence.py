@@ -96,7 +96,8 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
         if any(every):
             best[joint] = min(filter(None, every), key=Evidence.error)
     found += [Leftover(best[joint], sure=False) for joint in large if joint in best]
-    return tuple(found), {joint: Leftover(evidence) for joint, evidence in doubts.items() if joint not in strongest(found)}
+    sure = strongest(found)
+    return tuple(found), {joint: Leftover(evidence) for joint, evidence in doubts.items() if joint not in sure}
 
 
 def beyond_noise(model: Model) -> set[int]:

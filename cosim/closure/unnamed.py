@@ -144,10 +144,10 @@ def _standard(x: np.ndarray) -> np.ndarray:
 
 def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndarray, whole: bool) -> tuple[Dependence, ...]:
     """An effect of one joint whose size varies with a signal of that joint; `whole`: with the constant part of it, which the model lacks."""
-    m = scene.motion
+    m, number = scene.motion, joint + 1
     columns = effect.columns(scene, (joint,), theta)[joint]
     columns = columns if effect.amplitude else (columns @ beta)[:, None]
-    signals = {"q": m.q[:, joint], "dq": m.dq[:, joint], "tau": scene.prediction[:, joint]}
+    signals = {f"q{number}": m.q[:, joint], f"dq{number}": m.dq[:, joint], f"tau{number}": scene.prediction[:, joint]}
 
     def basis(signal: np.ndarray):
         x = signal / max(float(signal.std()), 1e-12)
@@ -155,10 +155,10 @@ def varied(scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndar
         values = np.concatenate([columns * shape[:, None] for shape in shapes], axis=1)
         return lambda scene, joint: values
 
-    own, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
+    own, fitted = tuple(f"{name}{number}" for name in effect.signals), next(_FITS)
     return tuple(
         Dependence(signals=tuple(dict.fromkeys((*own, name))), basis=basis(signal), sharp=effect.sharp, words=f"{effect.name} that varies with {name}", fitted=fitted)
-        for name, signal in ((f"{name}{joint + 1}", signal) for name, signal in signals.items())
+        for name, signal in signals.items()
     )
 
 

@@ -7,7 +7,7 @@ from attrs import evolve, frozen
 
 from cosim.closure.candidates import screen
 from cosim.closure.dependence import weighed
-from cosim.closure.evidence import Evidence, relative_error, weigh
+from cosim.closure.evidence import Evidence, relative_error, student, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Rule, polished
 from cosim.closure.unnamed import Dependence, faults
@@ -66,7 +66,7 @@ def fault_behind(model: Model, number: int) -> Dependence | None:
         weighings = (weighed(rest, fault, joint, 1) for fault in faults(rest.scene, joint))
         found += [(e, _errors(e.model, joint)) for e in weighings if e is not None]
     best, least = min(found, key=lambda pair: pair[1].sum(), default=(None, error))
-    return best.candidate.choice.effect if best and _standard_errors(least - error) <= NEAR else None
+    return best.candidate.choice.effect if best and student(least - error) <= NEAR else None
 
 
 def _errors(model: Model, joint: int) -> np.ndarray:
@@ -89,12 +89,7 @@ def _replaced(model: Model, number: int, choice, rest: Model, trials: int, candi
 
 def _worse(chosen: Evidence, other: Evidence) -> float:
     """Mean difference of squared error per block over its standard error, all blocks, each with a fit that has not seen it."""
-    return _standard_errors(other.model.fit.sse.sum(axis=1) - chosen.model.fit.sse.sum(axis=1))
-
-
-def _standard_errors(difference: np.ndarray) -> float:
-    """Mean over its standard error."""
-    return float(difference.mean() / max(difference.std(ddof=1) / np.sqrt(len(difference)), 1e-300))
+    return student(other.model.fit.sse.sum(axis=1) - chosen.model.fit.sse.sum(axis=1))
 
 
 def _reached(rest: Model, chosen: Evidence, other: Evidence) -> float:

@@ -83,9 +83,9 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
                 continue
             if not strict.refusal(evidence):
                 found.append(Leftover(evidence))
-            for among in (best, *([] if doubt.refusal(evidence) else [doubts])):
-                if joint not in among or evidence.error() < among[joint].error():
-                    among[joint] = evidence
+            _keep_better(best, joint, evidence)
+            if not doubt.refusal(evidence):
+                _keep_better(doubts, joint, evidence)
     found.sort(key=lambda leftover: leftover.evidence.error())
     bare = set(joints) - {leftover.joint for leftover in found}
     found += _persistent(model, rule, bare, normal)
@@ -98,6 +98,11 @@ def leftovers(model: Model, rule: Rule, former: tuple[tuple[Choice, np.ndarray],
     found += [Leftover(best[joint], sure=False) for joint in large if joint in best]
     sure = strongest(found)
     return tuple(found), {joint: Leftover(evidence) for joint, evidence in doubts.items() if joint not in sure}
+
+
+def _keep_better(known: dict[int, Evidence], joint: int, evidence: Evidence) -> None:
+    if joint not in known or evidence.error() < known[joint].error():
+        known[joint] = evidence
 
 
 def beyond_noise(model: Model) -> set[int]:

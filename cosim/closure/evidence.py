@@ -128,13 +128,17 @@ def standard_errors(difference: np.ndarray) -> float:
     """
     from scipy.stats import rankdata
 
-    n = len(difference)
-    if n < 3:
+    if len(difference) < 3:
         return 0.0
-    t = difference.mean() / max(difference.std(ddof=1) / np.sqrt(n), 1e-300)
+    t = student(difference)
     ranks = rankdata(np.abs(difference))
     z = (ranks @ np.sign(difference)) / np.sqrt((ranks**2).sum())
     return float(max(min(t, 99.0), z))
+
+
+def student(difference: np.ndarray) -> float:
+    """Student's t of paired differences: their mean over its standard error."""
+    return float(difference.mean() / max(difference.std(ddof=1) / np.sqrt(len(difference)), 1e-300))
 
 
 def _size(old: Model, new: Model, joints: list[int]) -> float:

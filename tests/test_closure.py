@@ -195,13 +195,14 @@ def test_a_method_of_the_users_own_that_fails_is_named(tmp_path, column, words):
     ("method", "words"),
     [("def precision(self, count): return 1.0", "Cogwheel.precision: expected an array"),
      ("def precision(self, count): return np.ones(count + 1)", "Cogwheel.precision: expected an array"),
-     ("def doubt(self, scene, theta): return None", "Cogwheel.doubt: expected a finite number > 0, got None"),
-     ("def columns_of_all(self, scene, joints, thetas): return []", "Cogwheel.columns_of_all: expected a list")],
+     ("def handicap(self, scene, theta): return None", "Cogwheel.handicap: expected a finite number > 0, got None"),
+     ("def columns_of_all(self, scene, joints, thetas): return []", "Cogwheel.columns_of_all: expected a list"),
+     ("def other_laws(self, scene, joints): return {'a ripple': scene.motion.q[:, 0]}", "Cogwheel.other_laws: expected texts")],
 )  # fmt: skip
 def test_a_method_of_the_users_own_that_gives_something_else_is_named(tmp_path, method, words):
     (tmp_path / "own.py").write_text(f"{OWN}\n    {method}\n")
     with pytest.raises(InputError, match=words):
-        close_loop(still(lambda t, q, dq: 0.05 * np.gradient(dq, t) + q), Options(effects=library([tmp_path / "own.py"]), replayed=False))
+        close_loop(still(lambda t, q, dq: 0.05 * np.gradient(dq, t) + q + 0.1 * np.sin(7 * q)), Options(effects=library([tmp_path / "own.py"]), replayed=False))
 
 
 @pytest.mark.parametrize(

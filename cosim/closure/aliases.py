@@ -10,7 +10,7 @@ from cosim.closure.dependence import weighed
 from cosim.closure.evidence import Evidence, relative_error, student, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Rule, polished
-from cosim.closure.unnamed import Dependence, faults
+from cosim.closure.unnamed import Dependence, faults, other_laws
 from cosim.effects import Effect
 
 LISTED = 2  # alternatives named beside an effect; more are told in its evidence
@@ -51,22 +51,22 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
     return chosen, tuple(sorted(out, key=lambda rival: rival.worse))
 
 
-def fault_behind(model: Model, number: int) -> Dependence | None:
-    """The fault of drive or encoder, which has no name, that does best in the place of choice `number` or of all choices of its joint, if
-    it does as well as they; None if none does.
+def nameless_rival(model: Model, number: int) -> Dependence | None:
+    """What has no name, a fault of drive or encoder or another law of the effect's signal, and does best in the place of choice `number`,
+    faults also of all choices of its joint, if it does as well as they; None if nothing does.
     """
-    (joint, *others), own = model.choices[number].joints, model.choices[number]
-    if others:
+    (joint, *further), own = model.choices[number].joints, model.choices[number]
+    if further:
         return None
-    error, found = _errors(model, joint), []
-    alone = tuple(c for c in model.choices if c is not own)
-    bare = tuple(c for c in alone if c.joints != own.joints)
-    for kept in (alone, bare) if len(bare) < len(alone) else (alone,):
-        rest = with_choices(model, kept)
-        weighings = (weighed(rest, fault, joint, 1) for fault in faults(rest.scene, joint))
-        found += [(e, _errors(e.model, joint)) for e in weighings if e is not None]
-    best, least = min(found, key=lambda pair: pair[1].sum(), default=(None, error))
-    return best.candidate.choice.effect if best and student(least - error) <= NEAR else None
+    alone = with_choices(model, tuple(c for c in model.choices if c is not own))
+    bare = with_choices(model, tuple(c for c in alone.choices if c.joints != own.joints))
+    places = (alone, bare) if len(bare.choices) < len(alone.choices) else (alone,)
+    found = [e.model for rest in places for fault in faults(rest.scene, joint) if (e := weighed(rest, fault, joint, 1))]
+    laws = [e.model for law in other_laws(alone.scene, own.effect, joint) if (e := weighed(alone, law, joint, 1))]
+    found += [polished(law, model.weight) for law in laws]  # as the named one has a friction law of its own
+    error = _errors(model, joint)
+    best, least = min(((m, _errors(m, joint)) for m in found), key=lambda pair: pair[1].sum(), default=(None, error))
+    return best.choices[-1].effect if best and student(least - error) <= NEAR else None
 
 
 def _errors(model: Model, joint: int) -> np.ndarray:

@@ -63,7 +63,7 @@ def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, 
 def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...], options: list) -> Candidate:
     """The physical option with the largest gain, refined; the best unphysical one where that explains more than twice as much."""
     base, tried, first = normal.error(joints), len(options), None
-    options.sort(key=lambda option: (base - option[0]) * THRIFT ** len(option[2]) * effect.doubt(model.scene, option[1]))
+    options.sort(key=lambda option: (base - option[0]) * THRIFT ** len(option[2]) * effect.handicap(model.scene, option[1]))
     for gain, theta, beta in options:
         reason = _why_not(model, Choice(effect, joints, theta), beta, KNOWN)
         candidate = Candidate(Choice(effect, joints, theta), gain / base, beta, tried, reason)

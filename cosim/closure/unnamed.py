@@ -138,6 +138,16 @@ def faults(scene: Scene, joint: int) -> tuple[Dependence, ...]:
     return tuple(found)
 
 
+def other_laws(scene: Scene, effect: Effect, joint: int) -> tuple[Dependence, ...]:
+    """Laws without a name of the signal that an effect of one joint is a function of."""
+    signals, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
+    return tuple(
+        Dependence(signals=signals, basis=lambda scene, joint, values=values: values, sharp=effect.sharp, words=words, fitted=fitted,
+                   separated_by=f"other ranges of {' and '.join(signals)}")
+        for words, values in effect.other_laws(scene, (joint,)).items()
+    )  # fmt: skip
+
+
 def _standard(x: np.ndarray) -> np.ndarray:
     return (x - x.mean()) / max(float(x.std()), 1e-12)
 

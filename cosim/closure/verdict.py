@@ -6,7 +6,7 @@ from enum import Enum
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.closure.aliases import LISTED, Rival, fault_behind, indistinguishable, rivals
+from cosim.closure.aliases import LISTED, Rival, indistinguishable, nameless_rival, rivals
 from cosim.closure.candidates import Candidate
 from cosim.closure.dependence import Leftover, corrected, in_place, leftovers, strongest
 from cosim.closure.evidence import Evidence, standard_errors, weigh
@@ -210,10 +210,10 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     """Evidence, parameters, intervals and rivals of one chosen effect."""
     evidence, found = rivals(model, number, effects, rule, trials)
     values, interval = intervals(model, number)
-    choice, fault = model.choices[number], fault_behind(model, number)
+    choice, other = model.choices[number], nameless_rival(model, number)
     vague = [choice.effect.vague(model.scene, choice.joints, choice.theta)]
-    if fault:
-        vague.insert(0, f"{fault.words} explains as much ({fault.separated_by})")
+    if other:
+        vague.insert(0, f"{other.words} explains as much ({other.separated_by})")
     return Finding(choice, evidence, values, interval, found, vague=", ".join(filter(None, vague)))
 
 

@@ -135,7 +135,7 @@ class Effect(ABC):
         """theta of a form with one nonlinear parameter more, to be taken where it leaves much less; None where there is none."""
         return None
 
-    def doubt(self, scene: Scene, theta: Theta) -> float:
+    def handicap(self, scene: Scene, theta: Theta) -> float:
         """Factor on the squared error with which values of the grid compete that need better evidence than the others; 1 for those."""
         return 1.0
 
@@ -171,6 +171,10 @@ class Effect(ABC):
     def vague(self, scene: Scene, joints: tuple[int, ...], theta: Theta) -> str:
         """What the data do not hold that would tell the effect from others without a name; empty where they hold it."""
         return ""
+
+    def other_laws(self, scene: Scene, joints: tuple[int, ...]) -> Mapping[str, np.ndarray]:
+        """Laws of one joint without a name that may do what this one does, in words -> columns (n, k)."""
+        return {}
 
     def unphysical(self, estimate: Estimate) -> str:
         """Why the estimate cannot be this effect; empty where it can."""

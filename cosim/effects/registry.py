@@ -103,10 +103,17 @@ def _are_all_columns(value: object, arguments: tuple) -> bool:
     return isinstance(value, list) and len(value) == len(thetas) and all(_are_columns(columns, scene) for columns in value)
 
 
+def _are_laws(value: object, scene: Scene) -> bool:
+    return isinstance(value, Mapping) and all(
+        isinstance(words, str) and _are_columns({0: x}, scene) and np.isfinite(x).all() for words, x in value.items()
+    )
+
+
 _EXPECTED = {
     "precision": ("an array (count,) of finite numbers >= 0", _is_precision),
-    "doubt": ("a finite number > 0", lambda value, arguments: isinstance(value, int | float) and 0 < value < np.inf),
+    "handicap": ("a finite number > 0", lambda value, arguments: isinstance(value, int | float) and 0 < value < np.inf),
     "columns_of_all": ("a list with the columns of each theta", _are_all_columns),
+    "other_laws": ("texts, each -> finite array (n, k)", lambda value, arguments: _are_laws(value, arguments[0])),
 }
 
 

@@ -6,6 +6,7 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 
 ENDED = 0.5  # Stribeck speed over the largest speed: from here on the end of its fall is not seen
 CLEAR = 3.0  # times the Stribeck speed that are seen: from here on the curve is a law of the low speeds
+POWERS = (1.5, 3.0)  # of the speed, between which and the square a drag has to decide
 RISEN = 0.5  # the smooth sign of the friction law at the Stribeck speed
 
 
@@ -137,6 +138,10 @@ class QuadraticDrag(Effect):
 
     def labels(self, joints, theta):
         return (per_joint("quadratic_drag", joints),)
+
+    def other_laws(self, scene, joints):
+        dq = scene.motion.dq[:, joints]
+        return {f"a drag by the power {power:g} of the speed": dq * np.abs(dq) ** (power - 1) for power in POWERS}
 
     def unphysical(self, estimate: Estimate) -> str:
         return "negative drag feeds energy in" if estimate.beta[0] < 0 else ""

@@ -48,7 +48,7 @@ class FrictionDrift(Effect):
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         return tuple((float(share * np.ptp(scene.motion.time)),) for share in (1.0, LASTING, 2.0, 0.5, 0.2, 0.08))
 
-    def doubt(self, scene: Scene, theta: Theta) -> float:
+    def handicap(self, scene: Scene, theta: Theta) -> float:
         return 1.0 if np.isclose(theta[0], np.ptp(scene.motion.time)) else UNUSUAL
 
     def columns(self, scene, joints, theta):

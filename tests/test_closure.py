@@ -1,16 +1,20 @@
 """Parts of the residual loop against oracles of their own: filter, jackknife, Dahl state, files, refusals."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from attrs import evolve
 
 from cosim.closure import effects_file
-from cosim.closure.closure import Options, close_loop
+from cosim.closure.answer import answer
+from cosim.closure.closure import NO_BETTER, Options, close_loop
 from cosim.closure.gram import accumulate, fit
 from cosim.closure.model import Choice, complete
 from cosim.closure.motion import prepare, thinned
+from cosim.closure.output import sentence
+from cosim.closure.selection import Rule
 from cosim.closure.setting import pose
 from cosim.closure.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.verdict import Answer
@@ -182,8 +186,9 @@ def test_an_effect_of_the_users_own_that_cannot_be_hashed_stands_beside_another(
 
 @pytest.mark.parametrize(
     ("column", "words"),
-    [("scene.motion.nothing", "Cogwheel.columns: .* AttributeError"), ("scene.motion.q[:, 0]", r"Cogwheel.columns: .*\(n, k\).* got \{0: \(\d+,\)\}"),
-     ("exit()", "Cogwheel.columns: .* SystemExit")],
+    [("scene.motion.nothing", "Cogwheel.columns: .* AttributeError"), ("scene.motion.q[:, 0]", r"Cogwheel.columns: .*\(n, k\).* got \{0: 'float64 \(\d+,\)'\}"),
+     ("exit()", "Cogwheel.columns: .* SystemExit"), ("np.nan * scene.motion.q[:, joints]", "Cogwheel.columns: .* finite"),
+     ("scene.motion.q[:, joints].tolist()", "Cogwheel.columns: .* array"), ("scene.motion.q[:, joints].astype(str)", "Cogwheel.columns: .* got .*<U")],
 )  # fmt: skip
 def test_a_method_of_the_users_own_that_fails_is_named(tmp_path, column, words):
     (tmp_path / "own.py").write_text(OWN.replace("np.sin(7 * scene.motion.q[:, joints])", column))
@@ -197,7 +202,13 @@ def test_a_method_of_the_users_own_that_fails_is_named(tmp_path, column, words):
      ("def precision(self, count): return np.ones(count + 1)", "Cogwheel.precision: expected an array"),
      ("def handicap(self, scene, theta): return None", "Cogwheel.handicap: expected a finite number > 0, got None"),
      ("def columns_of_all(self, scene, joints, thetas): return []", "Cogwheel.columns_of_all: expected a list"),
-     ("def other_laws(self, scene, joints): return {'a ripple': scene.motion.q[:, 0]}", "Cogwheel.other_laws: expected texts")],
+     ("def other_laws(self, scene, joints): return {'a ripple': scene.motion.q[:, 0]}", "Cogwheel.other_laws: expected text"),
+     ("def labels(self, joints, theta): return 'cogwheel'", "Cogwheel.labels: expected texts in a tuple, got 'cogwheel'"),
+     ("def parameters(self, estimate): return None", "Cogwheel.parameters: expected text -> finite number"),
+     ("def parameters(self, estimate): return {'cogwheel': np.nan}", "Cogwheel.parameters: .* got {'cogwheel': nan}"),
+     ("def grid(self, scene, joints): return [[1.0], [2.0]]", "Cogwheel.grid: expected tuples"),
+     ("def joint_sets(self, scene): return ((5,),)", "Cogwheel.joint_sets: .* got .*5"),
+     ("def unphysical(self, estimate): return None", "Cogwheel.unphysical: expected a text, got None")],
 )  # fmt: skip
 def test_a_method_of_the_users_own_that_gives_something_else_is_named(tmp_path, method, words):
     (tmp_path / "own.py").write_text(f"{OWN}\n    {method}\n")
@@ -221,6 +232,13 @@ def test_a_file_without_an_effect_is_refused_in_words(tmp_path, text, words):
         library([tmp_path / "bad.txt"])
 
 
+def test_two_effects_of_the_users_own_with_one_name_are_refused(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.py").write_text(OWN)
+    with pytest.raises(InputError, match="expected every effect once, got cogwheel more than once"):
+        library([tmp_path / "a.py", tmp_path / "b.py"])
+
+
 def test_effects_file_starts_the_next_pass(tmp_path):
     random = np.random.default_rng(3)
 
@@ -238,6 +256,51 @@ def test_effects_file_starts_the_next_pass(tmp_path):
     assert second.verdict.answer is Answer.COMPLETE and [f.earlier for f in second.verdict.findings] == [True]
     again, start = second.effect_values["viscous_asymmetry"], first.effect_values["viscous_asymmetry"]
     assert again == pytest.approx(start, rel=0.1)  # kept for the pass after it
+
+
+def rippled() -> Recording:
+    """An axis with a quadratic drag and a ripple."""
+    random = np.random.default_rng(2)
+
+    def tau(t, q, dq):
+        friction = 0.04 * dq + 0.1 * np.tanh(dq / 0.02) + 0.02 * dq * np.abs(dq)
+        return 0.05 * np.gradient(dq, t) + 0.3 * np.sin(q) + friction + 0.03 * np.sin(17 * q) + 0.004 * random.normal(size=len(t))
+
+    return still(tau)
+
+
+SOME = tuple(e for e in BUILT_IN if e.name in ("viscous_asymmetry", "coulomb_asymmetry", "quadratic_drag", "torque_ripple"))
+
+
+def test_effects_of_an_earlier_pass_stay_and_take_no_place_of_new_ones():
+    """Neither of the earlier two is there; the search ends at two new ones, and says so."""
+    earlier = tuple(Choice(effect, (0,)) for effect in SOME if "asymmetry" in effect.name)
+    found = close_loop(rippled(), Options(effects=SOME, previous=earlier, rule=Rule(most=2), replayed=False))
+    assert {(f.name, f.earlier) for f in found.verdict.findings} == {
+        ("quadratic_drag", False), ("torque_ripple", False), ("viscous_asymmetry", True), ("coulomb_asymmetry", True)}  # fmt: skip
+    assert re.match("effect_found: .*torque_ripple on joint 1 beside those of the earlier pass .*viscous_asymmetry", sentence(found))
+    assert [w for w in found.warnings if w.startswith("the search ended after 2 rounds")]
+
+
+def test_what_is_left_of_the_names_is_fitted_again_where_one_is_withdrawn(monkeypatch):
+    """The values of the finding are those of the FMU."""
+    ripple = lambda model, left, rule: {k: "a test" for k, c in enumerate(model.choices) if c.effect.name == "torque_ripple"}  # noqa: E731
+    monkeypatch.setattr("cosim.closure.verdict._withdrawals", ripple)
+    found = close_loop(rippled(), Options(effects=SOME, replayed=False))
+    (drag,) = found.verdict.findings
+    assert ([f.name for f, _ in found.verdict.withdrawn], drag.aliases[-1]) == (["torque_ripple"], "unknown")
+    assert drag.parameters["quadratic_drag[1]"] == pytest.approx(found.effect_values["quadratic_drag"], rel=1e-12)
+    assert drag.parameters["quadratic_drag[1]"] == pytest.approx(0.02, rel=0.15)
+    (rest,) = [e for e in answer(found)["effects"] if e["name"] == "unknown"]
+    assert rest["evidence"]["sure"] and rest["separated_by"]
+
+
+def test_names_that_held_out_rows_do_not_need_leave_no_complete_model(monkeypatch):
+    """A residual far beyond the sensors' noise is not complete, whatever became of the names."""
+    monkeypatch.setattr("cosim.closure.closure._worse", lambda error, joints, limit=0.0: limit == NO_BETTER)
+    found = close_loop(rippled(), Options(effects=SOME, replayed=False))
+    assert {f.name for f, _ in found.verdict.withdrawn} == {"quadratic_drag", "torque_ripple"}
+    assert found.verdict.answer is Answer.UNEXPLAINED and "was withdrawn" in sentence(found)
 
 
 def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_names():

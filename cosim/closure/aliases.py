@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.candidates import screen
-from cosim.closure.dependence import weighed
+from cosim.closure.dependence import in_place
 from cosim.closure.evidence import Evidence, relative_error, student, weigh
 from cosim.closure.model import Model, with_choices
 from cosim.closure.selection import Rule, polished
@@ -52,8 +52,8 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
 
 
 def nameless_rival(model: Model, number: int) -> Dependence | None:
-    """What has no name, a fault of drive or encoder or another law of the effect's signal, and does best in the place of choice `number`,
-    faults also of all choices of its joint, if it does as well as they; None if nothing does.
+    """What has no name and does as well as choice `number` in its place: another law of the effect's signal, or a fault of drive or
+    encoder, which may also take the place of all choices of its joint. The best of them; None if none does as well.
     """
     (joint, *further), own = model.choices[number].joints, model.choices[number]
     if further:
@@ -61,9 +61,9 @@ def nameless_rival(model: Model, number: int) -> Dependence | None:
     alone = with_choices(model, tuple(c for c in model.choices if c is not own))
     bare = with_choices(model, tuple(c for c in alone.choices if c.joints != own.joints))
     places = (alone, bare) if len(bare.choices) < len(alone.choices) else (alone,)
-    found = [e.model for rest in places for fault in faults(rest.scene, joint) if (e := weighed(rest, fault, joint, 1))]
-    laws = [e.model for law in other_laws(alone.scene, own.effect, joint) if (e := weighed(alone, law, joint, 1))]
-    found += [polished(law, model.weight) for law in laws]  # as the named one has a friction law of its own
+    found = [e.model for rest in places for e in in_place(rest, joint, faults(rest.scene, joint))]
+    laws = in_place(alone, joint, other_laws(alone.scene, own.effect, joint))
+    found += [polished(e.model, model.weight) for e in laws]  # as the named one has a friction law of its own
     error = _errors(model, joint)
     best, least = min(((m, _errors(m, joint)) for m in found), key=lambda pair: pair[1].sum(), default=(None, error))
     return best.choices[-1].effect if best and student(least - error) <= NEAR else None

@@ -41,7 +41,7 @@ def _finding(found: Finding) -> dict:
         "indistinguishable_from": list(found.aliases), "separated_by": found.separated_by,
         "evidence": evidence(found.evidence) | {
             "equation": found.effect.equation, "source": found.effect.source, "earlier_pass": found.earlier,
-            "also_close": [r.evidence.name for r in found.indistinguishable if r.evidence.name not in found.aliases],
+            "also_close": [name for name in found.alike if name not in found.aliases],
             "rivals": [{"name": r.evidence.name, "joints": [j + 1 for j in r.evidence.joints], "worse_by_standard_errors": _number(r.worse)}
                        for r in found.rivals[:6]],
         },
@@ -63,8 +63,8 @@ def _unknown(closure: Closure) -> list[dict]:
         signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
         out.append({
             "name": "unknown", "joints": [joint + 1], "parameters": {}, "interval": {}, "signals": signals,
-            "indistinguishable_from": [], "separated_by": "",
-            "evidence": evidence(found[0].evidence) | {"depends_on": [
+            "indistinguishable_from": [], "separated_by": found[0].separated_by,
+            "evidence": evidence(found[0].evidence) | {"sure": found[0].sure, "depends_on": [
                 {"signals": list(x.signals), "form": x.form, "squared_error_removed": x.evidence.gain_fit} for x in found[:6]]},
         })  # fmt: skip
     return out
@@ -103,8 +103,7 @@ def _candidates(closure: Closure) -> list[dict]:
         return []
     out = []
     for number, step in enumerate(closure.selection.steps, 1):
-        for e, why in zip(step.weighed, step.refusals, strict=True):
-            state = "accepted" if e is step.taken else (why or "another candidate explains more")
+        for e, state in step.decisions:
             out.append({"round": number, "name": e.name, "joints": [j + 1 for j in e.joints], "decision": state} | evidence(e))
     return out
 

@@ -6,6 +6,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.closure import effects_file
+from cosim.closure.dependence import beyond_noise
 from cosim.closure.errors import TorqueError, torque_error
 from cosim.closure.floor import floor
 from cosim.closure.model import Choice, Model, complete, with_choices
@@ -84,7 +85,7 @@ def _completed(recording: Recording, before: Model, selection: Selection, verdic
     values, own = [_values(recording, m) for m in (before, verdict.model)], _of_effects(verdict.model)
     closure = Closure(
         recording, verdict, before, selection, error, floor(before), None, values[0], values[1],
-        effects_file.start_values(own, recording.device), (*recording.warnings, *_warnings(before, verdict)),
+        effects_file.start_values(own, recording.device), (*recording.warnings, *_warnings(before, verdict), *_ended(selection)),
     )  # fmt: skip
     return _replayed(closure, options) if options.replayed else closure
 
@@ -98,7 +99,7 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
     if joints and _worse(error := torque_error(before, verdict.model), joints, NO_BETTER):
         text = "held-out rows are no better with it"
         withdrawn = (*verdict.withdrawn, *((f, text) for f in new))
-        missing = verdict.leftovers or _worse(error, joints)
+        missing = verdict.leftovers or _worse(error, joints) or beyond_noise(before)
         answer = Answer.UNEXPLAINED if missing else Answer.COMPLETE
         verdict = evolve(verdict, answer=answer, findings=tuple(earlier), withdrawn=withdrawn, model=before, best=before)
     return verdict
@@ -172,13 +173,21 @@ def _warnings(before: Model, verdict: Verdict) -> list[str]:
     return out
 
 
+def _ended(selection: Selection) -> list[str]:
+    """Whether the search was ended while it still found something."""
+    if not selection.steps or selection.steps[-1].taken is None:
+        return []
+    return [f"the search ended after {len(selection.steps)} rounds, the last of which still found an effect: "
+            "another pass that starts from this one's effects.toml goes on"]  # fmt: skip
+
+
 def _range_warnings(motion) -> list[str]:
     """Held-out rows that are faster than the fitted rows; the reader of the recording tells where their angles leave the range."""
     fitted, held = np.abs(motion.dq[~motion.test]), np.abs(motion.dq[motion.test])
     if not len(held):
         return []
     share = 100 * (held > 1.01 * fitted.max(axis=0)).mean(axis=0)
-    beyond = [f"joint {j + 1} {s:.2g} %" for j, s in enumerate(share) if s > 0.5]
+    beyond = [f"joint {j + 1} {s:.3g} %" for j, s in enumerate(share) if s > 0.5]
     return [f"held-out rows are faster than any fitted one: {', '.join(beyond)}"] if beyond else []
 
 

@@ -1,6 +1,6 @@
 """Is anything left in the residual? Smooth functions of single signals, of pairs and of history compete under the rule of the claims."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from attrs import evolve, frozen
@@ -134,9 +134,8 @@ def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> t
     return tuple(found)
 
 
-def in_place(base: Model, joint: int) -> tuple[Evidence, ...]:
-    """Evidence for every dependence of one joint added to a model by itself."""
-    kinds = (*dependences(base.scene), *faults(base.scene, joint))
+def in_place(base: Model, joint: int, kinds: Sequence[Dependence]) -> tuple[Evidence, ...]:
+    """Evidence for each of these dependences of one joint added to a model by itself."""
     normal = Normal(base)
     found = (weighed(base, kind, joint, len(kinds), normal) for kind in kinds)
     return tuple(e for e in found if e is not None)

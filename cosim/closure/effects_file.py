@@ -1,6 +1,7 @@
 """effects.toml: the effects that were found, as start values of an FMU and for the next pass of the loop."""
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -68,7 +69,7 @@ def text(findings: Sequence[Finding], device: str, parameters: Values, source: s
     lines += [f"{name} = {_value(value)}" for name, value in parameters.items()]
     for found in findings:
         choice = found.choice
-        lines += ["", "[[effects]]", f'name = "{found.name}"', f"joints = {_value([float(j) for j in found.joints], whole=True)}"]
+        lines += ["", "[[effects]]", f"name = {_quoted(found.name)}", f"joints = {_value([float(j) for j in found.joints], whole=True)}"]
         lines += [f"theta = {_value(list(choice.theta))}"] if choice.theta else []
         lines += [f"indistinguishable_from = [{', '.join(_quoted(a) for a in found.aliases)}]"]
         lines += ["", "[effects.parameters]"] + [f"{_quoted(k)} = {v:.9g}" for k, v in found.parameters.items()]
@@ -117,7 +118,7 @@ def _table(path: Path, problems: list[Problem]) -> dict:
 
 
 def _number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _choice(where: str, entry: object, known: Mapping[str, Effect], scene: Scene | None, problems: list[Problem]) -> Choice | None:

@@ -85,15 +85,16 @@ def sentence(closure: Closure) -> str:
     pairs = zip(error.before, error.after, strict=True)
     change = ", ".join(f"{a:.2f} -> {b:.2f} %" if np.isfinite((a, b)).all() else "- (does not move)" for a, b in pairs)
     held = f"Held-out torque error per joint: {change}."
-    names = ", ".join(map(_named, verdict.findings))
+    new, earlier = (", ".join(_named(f) for f in verdict.findings if f.earlier is kind) for kind in (False, True))
+    beside = f" beside those of the earlier pass ({earlier})" if earlier else ""
     if verdict.answer is Answer.COMPLETE:
-        beside = f" beside those of the earlier pass ({names})" if names else ""
         return f"model_complete: no effect is missing that this data can show{beside}. {held}"
     left = "; ".join(dict.fromkeys(map(_left, verdict.leftovers[:3])))
     if verdict.answer is Answer.UNEXPLAINED:
-        return f"unexplained: something is missing without a name{f' ({left})' if left else ''}. {held}"
+        left = left or "; ".join(f"{f.name} was withdrawn: {why}" for f, why in verdict.withdrawn[:1])
+        return f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
     rest = f" Something else is left without a name ({left})." if left else ""
-    return f"effect_found: {names}. {held}{rest}"
+    return f"effect_found: {new}{beside}. {held}{rest}"
 
 
 def _left(leftover: Leftover) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 
 from cosim.closure.answer import effective
 from cosim.closure.closure import Closure
+from cosim.closure.dependence import strongest
 from cosim.closure.errors import torque
 from cosim.closure.model import Model
 from cosim.closure.output import sentence
@@ -109,7 +110,7 @@ EXPLAINED_BY = {
 def _explaining(closure: Closure) -> list[tuple[int, str]]:
     pairs = []
     for found in closure.verdict.findings:
-        kind = EXPLAINED_BY.get(found.name, "dq")
+        kind = EXPLAINED_BY.get(found.name) or next(iter(found.effect.signals), "dq")
         for j in found.joints:
             other = int(found.choice.theta[0]) + 1 if found.name == "joint_coupling" else j
             pairs.append((j - 1, kind if kind == "time" else f"{kind} {other if other > 0 else j}"))
@@ -165,8 +166,7 @@ def _candidates(closure: Closure) -> Section | None:
     tables = []
     for number, step in enumerate(closure.selection.steps, 1):
         rows = []
-        for e, why in list(zip(step.weighed, step.refusals, strict=True))[:14]:
-            state = "accepted" if e is step.taken else (why or "another candidate explains more")
+        for e, state in step.decisions[:14]:
             rows.append((e.name, [j + 1 for j in e.joints], 100 * e.gain_fit, 100 * e.gain_held, e.t_fit, e.t_held, e.p, 100 * e.size, state))
         header = ("effect", "joints", "removed, fitted [%]", "removed, held out [%]", "t fitted", "t held out", "p", "share of torque [%]", "decision")
         tables.append(Table(header, rows, f"Round {number}: candidates beside what was accepted before", digits=3))
@@ -206,6 +206,7 @@ def _replay(closure: Closure) -> Section | None:
 
 def _next(closure: Closure) -> Section | None:
     lines = [f"{f.name} on joint(s) {', '.join(map(str, f.joints))}: {f.separated_by}." for f in closure.verdict.findings if f.aliases]
+    lines += [f"joint {x.joint + 1}, {x.form}: {x.separated_by}." for x in strongest(closure.verdict.leftovers).values()]
     if closure.selection is not None:
         needs = {c.choice.effect.name: c.choice.effect.needs for c in closure.selection.untestable if c.choice.effect.needs}
         lines += [f"To see {name}: {need}." for name, need in needs.items()]

@@ -71,6 +71,12 @@ class Step:
     refusals: tuple[str, ...]
     taken: Evidence | None
 
+    @property
+    def decisions(self) -> tuple[tuple[Evidence, str], ...]:
+        """Each candidate and what was decided."""
+        pairs = zip(self.weighed, self.refusals, strict=True)
+        return tuple((e, "accepted" if e is self.taken else why or "another candidate explains more") for e, why in pairs)
+
 
 @frozen(eq=False)
 class Selection:
@@ -90,7 +96,8 @@ def select(before: Model, effects: Sequence[Effect], rule: Rule, progress: Progr
     """Add the best effect that the rule accepts, refit everything, drop what is no longer needed, until nothing is accepted."""
     model, steps, untestable, trials = before, [], (), 0
     seen, shares = set(), {}
-    while len(model.choices) < rule.most:
+    given = {choice.key for choice in before.choices}
+    while len(model.choices) - len(given) < rule.most:
         candidates = screen(model, effects)
         trials = max(trials, sum(c.tried for c in candidates))
         untestable = untestable or tuple(c for c in candidates if c.untestable)
@@ -101,7 +108,7 @@ def select(before: Model, effects: Sequence[Effect], rule: Rule, progress: Progr
         for j in step.taken.joints:
             shares[j] = max(shares.get(j, 0.0), step.taken.size)
         progress(f"accepted {step.taken.name} on joint(s) {', '.join(str(j + 1) for j in step.taken.joints)}")
-        model = _pruned(polished(step.taken.model), rule, trials)
+        model = _pruned(polished(step.taken.model), rule, trials, given)
         state = frozenset(c.key for c in model.choices)
         if state in seen:
             break
@@ -288,10 +295,10 @@ def _line_search(model: Model, number: int, choice: Choice, index: int) -> Choic
     return evolve(choice, theta=best)
 
 
-def _pruned(model: Model, rule: Rule, trials: int) -> Model:
-    """The model without effects that the others have made needless."""
+def _pruned(model: Model, rule: Rule, trials: int, given: set) -> Model:
+    """The model without effects that the others have made needless, but for those that were `given`."""
     while len(model.choices) > 1:
-        weak = [k for k in range(len(model.choices) - 1) if rule.refusal(alone(model, k, trials))]
+        weak = [k for k, c in enumerate(model.choices[:-1]) if c.key not in given and rule.refusal(alone(model, k, trials))]
         if not weak:
             return model
         left = tuple(c for k, c in enumerate(model.choices) if k != weak[0])

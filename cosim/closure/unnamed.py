@@ -143,7 +143,7 @@ def other_laws(scene: Scene, effect: Effect, joint: int) -> tuple[Dependence, ..
     signals, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
     return tuple(
         Dependence(signals=signals, basis=lambda scene, joint, values=values: values, sharp=effect.sharp, words=words, fitted=fitted,
-                   separated_by=f"other ranges of {' and '.join(signals)}")
+                   separated_by=f"other ranges of {' and '.join(signals)}" if signals else "another excitation")
         for words, values in effect.other_laws(scene, (joint,)).items()
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ from cosim.closure.dependence import Leftover, corrected, in_place, leftovers, s
 from cosim.closure.evidence import Evidence, standard_errors, weigh
 from cosim.closure.model import Choice, Model, evolve_model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
+from cosim.closure.unnamed import dependences, faults
 from cosim.effects import Effect, Estimate
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
@@ -64,18 +65,20 @@ class Finding:
         return indistinguishable(self.effect, self.rivals)
 
     @property
-    def aliases(self) -> tuple[str, ...]:
-        """Names that the data cannot tell from this one, closest first, at most `LISTED`.
-
-        Those that no motion tells apart, those within one standard error, and the relatives of an effect between motor and link that
-        leaves a nameless rest on its joint: their details, which decide between them, are in that rest. `unknown` is the last where
-        an effect without a name may stand behind it.
+    def alike(self) -> tuple[str, ...]:
+        """All names that the data cannot tell from this one: those that no motion tells apart, those within one standard error, closest
+        first, and the relatives of an effect between motor and link that leaves a nameless rest on its joint: their details, which decide
+        between them, are in that rest.
         """
         inherent = [alias.name for alias in self.effect.aliases if alias.always]
         close = [rival.evidence.name for rival in self.indistinguishable]
         relatives = self.effect.relatives if self.rest else ()
-        names = tuple(dict.fromkeys((*inherent, *close, *relatives)))
-        return (*names[: LISTED - 1], "unknown") if self.nameless else names[:LISTED]
+        return tuple(dict.fromkeys((*inherent, *close, *relatives)))
+
+    @property
+    def aliases(self) -> tuple[str, ...]:
+        """The first `LISTED` of them; `unknown` is the last where an effect without a name may stand behind this one."""
+        return (*self.alike[: LISTED - 1], "unknown") if self.nameless else self.alike[:LISTED]
 
     @property
     def nameless(self) -> str:
@@ -92,12 +95,12 @@ class Finding:
 
     @property
     def separated_by(self) -> str:
-        known = {alias.name: alias.separated_by for alias in self.effect.aliases}
-        for rival in self.indistinguishable:
-            known |= {self.name: a.separated_by for a in rival.evidence.candidate.choice.effect.aliases if a.name == self.name}
+        theirs = [(r.evidence.name, alias) for r in self.indistinguishable for alias in r.evidence.candidate.choice.effect.aliases]
+        known = {name: alias.separated_by for name, alias in theirs if alias.name == self.name}
+        known |= {alias.name: alias.separated_by for alias in self.effect.aliases}
         if self.nameless:
             known["unknown"] = self.nameless
-        texts = [f"{name}: {known.get(name) or known.get(self.name) or 'another excitation'}" for name in self.aliases]
+        texts = [f"{name}: {known.get(name) or 'another excitation'}" for name in self.aliases]
         return "; ".join(texts)
 
 
@@ -116,27 +119,35 @@ class Verdict:
 
 def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None) -> Verdict:
     """Findings with aliases; the residual's leftovers; names withdrawn where a nameless function does clearly better."""
-    model = selection.model
+    model, withdrawn, former = selection.model, (), ()
+    given = {c.key for k, c in enumerate(selection.before.choices) if selection.before.unphysical(k)}  # by an earlier pass, on data that showed it
+    earlier = {choice.key for choice in selection.before.choices}
+
+    def found(number: int) -> Finding:
+        return evolve(finding(model, number, effects, rule, selection.trials), earlier=model.choices[number].key in earlier)
+
     progress("looking for what is left in the residual")
     left, doubts = leftovers(model, rule)
-    reasons = _withdrawals(model, left, rule)
+    reasons = _unphysical(model, given) | _withdrawals(model, left, rule)
     progress("comparing each effect with its rivals")
-    earlier = {choice.key for choice in selection.before.choices}
-    findings = [evolve(finding(model, k, effects, rule, selection.trials), earlier=choice.key in earlier)
-                for k, choice in enumerate(model.choices)]  # fmt: skip
-    given = {c.key for k, c in enumerate(selection.before.choices) if selection.before.unphysical(k)}  # by an earlier pass, on data that showed it
-    moved = {k: model.unphysical(k) for k, c in enumerate(model.choices) if c.key not in given}  # refits move estimates
-    reasons = {k: reason for k, reason in moved.items() if reason} | reasons
-    kept = tuple(f for k, f in enumerate(findings) if k not in reasons)
-    withdrawn = tuple((f, reasons[k]) for k, f in enumerate(findings) if k in reasons)
-    if withdrawn:
-        former = tuple((c, model.beta(k)) for k, c in enumerate(model.choices) if k in reasons)
+    while reasons:
+        withdrawn += tuple((found(k), reasons[k]) for k in sorted(reasons))
+        former += tuple((c, model.beta(k)) for k, c in enumerate(model.choices) if k in reasons)
         choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
         model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
+        reasons = _unphysical(model, given)
+    if withdrawn:
         again, doubts = leftovers(model, rule, former)
         left = again or left
+    kept = tuple(map(found, range(len(model.choices))))
     kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.evidence.joints), doubt=doubts.get(f.evidence.joints[0])) for f in kept)
     return _answer(kept, withdrawn, left, model)
+
+
+def _unphysical(model: Model, given: set) -> dict[int, str]:
+    """Choices (by number) whose estimate is not physical beside the others: refits move estimates. But for those that were `given`."""
+    reasons = {k: model.unphysical(k) for k, c in enumerate(model.choices) if c.key not in given}
+    return {k: reason for k, reason in reasons.items() if reason}
 
 
 def _answer(kept, withdrawn, left, model: Model) -> Verdict:
@@ -196,7 +207,7 @@ def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule
 def _unnamed_better(base: Model, model: Model, joint: int) -> str:
     """Whether one nameless function in the place of all names of the joint does clearly better than they."""
     error, without = model.unseen(joint), base.unseen(joint).sum()
-    rival = min((e.model for e in in_place(base, joint)), key=lambda m: m.unseen(joint).sum(), default=None)
+    rival = min((e.model for e in in_place(base, joint, (*dependences(base.scene), *faults(base.scene, joint)))), key=lambda m: m.unseen(joint).sum(), default=None)
     if rival is None:
         return ""
     other = rival.unseen(joint)

@@ -4,6 +4,7 @@ import importlib.util
 from collections.abc import Iterable, Mapping
 from functools import wraps
 from inspect import isfunction
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,11 @@ BUILT_IN = (
 
 def library(files: Iterable[Path | str] = ()) -> tuple[Effect, ...]:
     """The built-in effects and those that the user's files define. Raises InputError for a file without one."""
+    files = tuple(files)
     own = tuple(effect for path in files for effect in load_effects(path))
     names = {effect.name for effect in own}
+    if twice := sorted(name for name in names if sum(effect.name == name for effect in own) > 1):
+        raise InputError(Problem(", ".join(map(str, files)), "every effect once", f"{', '.join(twice)} more than once"))
     return (*(effect for effect in BUILT_IN if effect.name not in names), *own)
 
 
@@ -78,47 +82,83 @@ def _watched(method, where: str):
     def call(self, *arguments):
         try:
             value = method(self, *arguments)
+            expected, holds = _EXPECTED.get(method.__name__, ("", lambda value, arguments: True))
+            good = holds(value, arguments)
         except InputError:
             raise
         except (Exception, SystemExit) as error:
             raise InputError(Problem(where, "a method that runs", f"{type(error).__name__}: {error}")) from error
-        expected = _EXPECTED.get(method.__name__)
-        if expected and not expected[1](value, arguments):
-            raise InputError(Problem(where, expected[0], repr(value)[:80]))
-        if method.__name__ == "columns" and not _are_columns(value, arguments[0]):
-            shapes = {j: np.shape(x) for j, x in value.items()} if isinstance(value, Mapping) else type(value).__name__
-            expected = f"joint (from 0) -> array (n, k), n = {len(arguments[0].motion.time)}, the same k for all"
-            raise InputError(Problem(where, expected, str(shapes)))
+        if not good:
+            raise InputError(Problem(where, expected, _shown(value)))
         return value
 
     return call
 
 
+def _shown(value: object) -> str:
+    """The value, of columns their kinds and shapes."""
+    if isinstance(value, Mapping):
+        value = {j: f"{x.dtype} {x.shape}" if isinstance(x, np.ndarray) else x for j, x in value.items()}
+    return repr(value)[:120]
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, Real) and bool(np.isfinite(value))
+
+
+def _is_real(value: object) -> bool:
+    """A NumPy array of finite real numbers."""
+    return isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and bool(np.isfinite(value).all())
+
+
 def _is_precision(value: object, arguments: tuple) -> bool:
-    return isinstance(value, np.ndarray) and value.shape == (arguments[0],) and bool((np.isfinite(value) & (value >= 0)).all())
+    return _is_real(value) and value.shape == (arguments[0],) and bool((value >= 0).all())
+
+
+def _are_columns(value: object, arguments: tuple) -> bool:
+    scene, *_ = arguments
+    if not isinstance(value, Mapping) or not value or not set(value) <= set(range(scene.joints)) or not all(map(_is_real, value.values())):
+        return False
+    shapes = {x.shape for x in value.values()}
+    return len(shapes) == 1 and len(shape := shapes.pop()) == 2 and shape[0] == len(scene.motion.time) and shape[1] > 0
 
 
 def _are_all_columns(value: object, arguments: tuple) -> bool:
-    scene, _, thetas = arguments
-    return isinstance(value, list) and len(value) == len(thetas) and all(_are_columns(columns, scene) for columns in value)
+    return isinstance(value, list) and len(value) == len(arguments[-1]) and all(_are_columns(columns, arguments) for columns in value)
 
 
-def _are_laws(value: object, scene: Scene) -> bool:
-    return isinstance(value, Mapping) and all(
-        isinstance(words, str) and _are_columns({0: x}, scene) and np.isfinite(x).all() for words, x in value.items()
-    )
+def _are_laws(value: object, arguments: tuple) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(words, str) and _are_columns({0: x}, arguments) for words, x in value.items())
 
 
+def _are_texts(value: object, arguments: tuple) -> bool:
+    return isinstance(value, tuple | list) and all(isinstance(text, str) for text in value)
+
+
+def _are_values(value: object, arguments: tuple) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(name, str) and _finite(number) for name, number in value.items())
+
+
+def _is_grid(value: object, arguments: tuple) -> bool:
+    return isinstance(value, tuple | list) and all(isinstance(theta, tuple) and all(map(_finite, theta)) for theta in value)
+
+
+def _are_joint_sets(value: object, arguments: tuple) -> bool:
+    known = set(range(arguments[0].joints))
+    return isinstance(value, tuple | list) and all(isinstance(joints, tuple) and joints and known.issuperset(joints) for joints in value)
+
+
+_COLUMNS = "joint (from 0) -> array (n, k) of finite numbers, n the rows of scene.motion.time, the same k for all"
+_TEXT = ("a text", lambda value, arguments: isinstance(value, str))
 _EXPECTED = {
     "precision": ("an array (count,) of finite numbers >= 0", _is_precision),
-    "handicap": ("a finite number > 0", lambda value, arguments: isinstance(value, int | float) and 0 < value < np.inf),
-    "columns_of_all": ("a list with the columns of each theta", _are_all_columns),
-    "other_laws": ("texts, each -> finite array (n, k)", lambda value, arguments: _are_laws(value, arguments[0])),
+    "handicap": ("a finite number > 0", lambda value, arguments: _finite(value) and value > 0),
+    "columns": (_COLUMNS, _are_columns),
+    "columns_of_all": (f"a list with the columns of each theta, {_COLUMNS}", _are_all_columns),
+    "other_laws": ("text -> array (n, k) of finite numbers", _are_laws),
+    "labels": ("texts in a tuple", _are_texts), "theta_labels": ("texts in a tuple", _are_texts),
+    "parameters": ("text -> finite number", _are_values),
+    "grid": ("tuples of finite numbers in a tuple", _is_grid),
+    "joint_sets": ("tuples of joints (from 0) of the device in a tuple", _are_joint_sets),
+    "untestable": _TEXT, "vague": _TEXT, "unphysical": _TEXT,
 }
-
-
-def _are_columns(value: object, scene: Scene) -> bool:
-    if not isinstance(value, Mapping) or not value or not set(value) <= set(range(scene.joints)):
-        return False
-    shapes = {np.shape(x) for x in value.values()}
-    return len(shapes) == 1 and len(shape := shapes.pop()) == 2 and shape[0] == len(scene.motion.time) and shape[1] > 0

@@ -6,7 +6,7 @@ from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_join
 
 ENDED = 0.5  # Stribeck speed over the largest speed: from here on the end of its fall is not seen
 CLEAR = 3.0  # times the Stribeck speed that are seen: from here on the curve is a law of the low speeds
-POWERS = (1.5, 3.0)  # of the speed, between which and the square a drag has to decide
+POWERS = (1.5, 3.0)  # of the speed, of laws that a quadratic drag is told from
 RISEN = 0.5  # the smooth sign of the friction law at the Stribeck speed
 
 

@@ -55,7 +55,7 @@ def nameless_rival(model: Model, number: int) -> Dependence | None:
     """What has no name and does as well as choice `number` in its place: another law of the effect's signal, or a fault of drive or
     encoder, which may also take the place of all choices of its joint. The best of them; None if none does as well.
     """
-    (joint, *further), own = model.choices[number].joints, model.choices[number]
+    (joint, *further), own = model.acting(number), model.choices[number]
     if further:
         return None
     alone = with_choices(model, tuple(c for c in model.choices if c is not own))

@@ -11,6 +11,8 @@ from cosim.closure.setting import Setting
 from cosim.effects import Effect, Estimate, Scene
 from cosim.effects.effect import Theta
 
+FELT = 0.01  # of the squared torque of an effect: joints that have less of it do not count
+
 
 @frozen
 class Choice:
@@ -126,6 +128,13 @@ class Model:
     def beta(self, number: int) -> np.ndarray:
         """Coefficients (k,) of choice `number` as fitted."""
         return self.fit.beta[self.coefficients(number)]
+
+    def acting(self, number: int) -> tuple[int, ...]:
+        """Joints (0-based) on which choice `number` acts: those with more than a share `FELT` of its squared torque. A wall that only one
+        joint feels is a function of that joint's motion like others.
+        """
+        squares = {j: float(((x @ self.beta(number)) ** 2).sum()) for j, x in self.columns[number].items()}
+        return tuple(sorted(j for j, square in squares.items() if square >= FELT * sum(squares.values())))
 
     def unphysical(self, number: int, scene: Scene | None = None) -> str:
         """Why the estimate of choice `number` cannot be its effect, beside the model or another scene; empty where it can."""

@@ -42,7 +42,8 @@ class Finding:
     parameters: dict[str, float]
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
-    rest: tuple[Leftover, ...] = ()  # what is left on its joints without a name
+    acting: tuple[int, ...] = ()  # joints (0-based) that feel it
+    rest: tuple[Leftover, ...] = ()  # what is left on them without a name
     doubt: Leftover | None = None  # where nothing surely is: what may be
     vague: str = ""  # what is not measured that would tell it from effects without a name
     earlier: bool = False  # of an earlier pass: the model was started from it
@@ -84,10 +85,10 @@ class Finding:
     def nameless(self) -> str:
         """What tells this one from an effect without a name that may stand behind it; empty where nothing says that one does.
 
-        Of an effect on several joints what is left on one of them says nothing.
+        Of an effect that several joints feel what is left on one of them says nothing.
         """
         leftover = next(iter(self.rest), self.doubt)
-        if self.vague or leftover is None or len(self.joints) > 1:
+        if self.vague or leftover is None or len(self.acting) > 1:
             return self.vague
         if not leftover.sure:
             return "it leaves more than its sensors' noise (other excitation)"
@@ -140,7 +141,7 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
         again, doubts = leftovers(model, rule, former)
         left = again or left
     kept = tuple(map(found, range(len(model.choices))))
-    kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.evidence.joints), doubt=doubts.get(f.evidence.joints[0])) for f in kept)
+    kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.acting), doubt=doubts.get(f.acting[0])) for f in kept)
     return _answer(kept, withdrawn, left, model)
 
 
@@ -163,24 +164,24 @@ def _answer(kept, withdrawn, left, model: Model) -> Verdict:
 def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[int, str]:
     """Choices (by number) whose name does not hold, and why."""
     out = {}
-    for joints in {c.joints for c in model.choices}:
-        numbers = [k for k, c in enumerate(model.choices) if c.joints == joints]
+    acting = [model.acting(k) for k in range(len(model.choices))]
+    for joints in dict.fromkeys(acting):
+        numbers = [k for k, on in enumerate(acting) if on == joints]
         base = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k not in numbers))
         here = strongest(leftover for leftover in left if leftover.joint in joints)
-        reason = _too_much_left(base, model, tuple(here.values()), numbers, rule)
+        reason = _too_much_left(base, model, list(joints), tuple(here.values()), numbers, rule)
         reason = reason or (_unnamed_better(base, model, joints[0]) if len(joints) == 1 else "")
         if reason:
             out |= dict.fromkeys(numbers, reason)
     return out
 
 
-def _too_much_left(base: Model, model: Model, here: tuple[Leftover, ...], numbers: list[int], rule: Rule) -> str:
-    """Whether nameless functions, one a joint, explain a good part of what the names leave. An effect on several joints, of which they may
-    be strangers, only has to stand beside them.
+def _too_much_left(base: Model, model: Model, joints: list[int], here: tuple[Leftover, ...], numbers: list[int], rule: Rule) -> str:
+    """Whether nameless functions, one a joint, explain a good part of what the names leave. An effect that several joints feel, of which
+    they may be strangers, only has to stand beside them.
     """
     if not here:
         return ""
-    joints = list(model.choices[numbers[0]].joints)
     nameless = tuple(leftover.choice for leftover in here)
     without, names, both = (float(m.joint_error()[0][:, joints].sum()) for m in (base, model, with_choices(model, (*model.choices, *nameless))))
     named, possible = without - names, max(without - both, 1e-300)
@@ -225,7 +226,7 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     vague = [choice.effect.vague(model.scene, choice.joints, choice.theta)]
     if other:
         vague.insert(0, f"{other.words} explains as much ({other.separated_by})")
-    return Finding(choice, evidence, values, interval, found, vague=", ".join(filter(None, vague)))
+    return Finding(choice, evidence, values, interval, found, model.acting(number), vague=", ".join(filter(None, vague)))
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

@@ -8,7 +8,7 @@ from cosim.closure.answer import answer
 from cosim.closure.candidates import Normal, screened
 from cosim.closure.closure import Options, close_loop
 from cosim.closure.errors import torque_error
-from cosim.closure.model import complete, with_choices
+from cosim.closure.model import Choice, complete, with_choices
 from cosim.closure.motion import prepare, thinned
 from cosim.closure.selection import Rule, polished
 from cosim.closure.setting import pose
@@ -125,6 +125,19 @@ def test_parameters_are_in_their_intervals(name):
         assert high - low < 0.6 * true, parameter  # the interval says something; a drift's slope is known to a quarter either way
     error = torque_error(before, after)
     assert error.after[joints[0]] < 0.5 * error.before[joints[0]]
+
+
+def test_a_wall_acts_on_the_joints_that_feel_it():
+    """One below pushes along the vertical, y, about which joint 1 turns; one before z is felt by all."""
+    recording = recorded(wall, seconds=12.0)
+    rows = prepare(recording)
+    before = complete(pose(recording, rows, thinned(rows)))
+    effect = next(e for e in BUILT_IN if e.name == "external_contact")
+    places = {(0.0, -1.0, 0.0): (1, 2), (0.0, 0.0, 1.0): (0, 1, 2)}
+    tips = np.array([oracle.position(x) for x in motion(np.arange(0, 12, 0.05))[0]])
+    for normal, joints in places.items():
+        theta = (*normal, float(np.percentile(tips @ normal, 60)), 0.01)
+        assert with_choices(before, (Choice(effect, (0, 1, 2), theta),)).acting(0) == joints
 
 
 @pytest.mark.parametrize("law", [whole_range, eddy])

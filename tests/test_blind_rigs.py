@@ -6,13 +6,18 @@ The studies with many seeds are `python -m tests.rig.study ...`; their results s
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
+
+from cosim.effects import BUILT_IN, Estimate
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # tests/rig is a package of the checkout, not of the wheel
 
 from tests.rig.cases import complete, hidden, outside  # noqa: E402
 from tests.rig.experiment import Experiment, record  # noqa: E402
+from tests.rig.study import experiment  # noqa: E402
 from tests.rig.trial import Outcome, judge  # noqa: E402
 
 SIZE = 4.0
@@ -37,13 +42,14 @@ CASES = {
     "flywheel": outside("flywheel", SIZE, 12),
     "fading_gain": outside("fading_gain", SIZE, 14),
     "small eccentric": outside("eccentric", 1.5, 14),
+    "pressed gap": hidden("backlash", 2.0, 11013),
 }
-NOT_TOLD_APART = "small eccentric"
+NOT_TOLD_APART, PRESSED = "small eccentric", "pressed gap"
 
 
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, Outcome]:
-    experiments = [Experiment(seed=k, highest=6.0, noise=3e-4) for k in range(len(CASES))]
+    experiments = [experiment(11013) if name == PRESSED else Experiment(seed=k, highest=6.0, noise=3e-4) for k, name in enumerate(CASES)]
     runs = record([case.plant for case in CASES.values()], experiments, duration=20.0, substeps=2)
     tasks = zip(runs, CASES.values(), experiments, strict=True)
     return {name: Outcome(**judge(task)) for name, task in zip(CASES, tasks, strict=True)}
@@ -54,7 +60,7 @@ def test_a_complete_model_is_called_complete(outcomes, name):
     assert (outcomes[name].verdict, outcomes[name].found) == ("model_complete", [])
 
 
-@pytest.mark.parametrize("name", [n for n, c in CASES.items() if c.truth and "unknown" not in c.truth])
+@pytest.mark.parametrize("name", [n for n, c in CASES.items() if c.truth and "unknown" not in c.truth and n != PRESSED])
 def test_a_hidden_effect_is_named_on_its_joint(outcomes, name):
     outcome = outcomes[name]
     assert outcome.verdict == "effect_found"
@@ -75,6 +81,17 @@ def test_a_name_that_a_fault_of_the_encoder_does_as_well_as_is_not_sure(outcomes
     """Gravity read at an angle that is off is a torque that depends on the angle: nothing in this motion tells the two."""
     ((name, joints, aliases),) = outcomes[NOT_TOLD_APART].found
     assert (name, joints, aliases[-1]) == ("position_torque", [3], "unknown")
+
+
+def test_a_gap_that_weight_keeps_pressed_stands_behind_an_offset(outcomes):
+    """Joint 3 holds its weight: the link is off by half of the gap, to one side. An offset to the other side is none of a gap."""
+    outcome = outcomes[PRESSED]
+    ((name, joints, aliases),) = outcome.found
+    assert (name, joints, aliases[0]) == ("encoder_offset", [3], "backlash")
+    assert outcome.parameters["encoder_offset[3]"] == pytest.approx(-CASES[PRESSED].plant.gap[2] / 2, rel=0.1)
+    scene = SimpleNamespace(rigid=np.full((10, 3), -0.02))
+    offset = next(e for e in BUILT_IN if e.name == "encoder_offset")
+    assert not offset.inherent(Estimate(np.array((0.01,)), np.zeros(1), (), (2,), scene))
 
 
 def test_a_drive_that_loses_gain_and_a_motor_carried_along_are_told_by_their_signals(outcomes):

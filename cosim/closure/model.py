@@ -138,8 +138,12 @@ class Model:
 
     def unphysical(self, number: int, scene: Scene | None = None) -> str:
         """Why the estimate of choice `number` cannot be its effect, beside the model or another scene; empty where it can."""
+        return self.choices[number].effect.unphysical(self.estimate(number, scene))
+
+    def estimate(self, number: int, scene: Scene | None = None) -> Estimate:
+        """Choice `number` as fitted, beside the model or another scene."""
         choice, part = self.choices[number], self.coefficients(number)
-        return choice.effect.unphysical(Estimate(self.fit.beta[part], self.fit.std[part], choice.theta, choice.joints, scene or self.scene))
+        return Estimate(self.fit.beta[part], self.fit.std[part], choice.theta, choice.joints, scene or self.scene)
 
     @cached_property
     def scene(self) -> Scene:

@@ -13,7 +13,7 @@ from cosim.closure.evidence import Evidence, standard_errors, weigh
 from cosim.closure.model import Choice, Model, evolve_model, with_choices
 from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
 from cosim.closure.unnamed import dependences, faults
-from cosim.effects import Effect, Estimate
+from cosim.effects import Alias, Effect, Estimate
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
 MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
@@ -42,6 +42,7 @@ class Finding:
     parameters: dict[str, float]
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
+    inherent: tuple[Alias, ...] = ()  # what this motion cannot tell from it
     acting: tuple[int, ...] = ()  # joints (0-based) that feel it
     rest: tuple[Leftover, ...] = ()  # what is left on them without a name
     doubt: Leftover | None = None  # where nothing surely is: what may be
@@ -67,11 +68,11 @@ class Finding:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """All names that the data cannot tell from this one: those that no motion tells apart, those within one standard error, closest
+        """All names that the data cannot tell from this one: those that this motion cannot tell apart, those within one standard error, closest
         first, and the relatives of an effect between motor and link that leaves a nameless rest on its joint: their details, which decide
         between them, are in that rest.
         """
-        inherent = [alias.name for alias in self.effect.aliases if alias.always]
+        inherent = [alias.name for alias in self.inherent]
         close = [rival.evidence.name for rival in self.indistinguishable]
         relatives = self.effect.relatives if self.rest else ()
         return tuple(dict.fromkeys((*inherent, *close, *relatives)))
@@ -98,7 +99,7 @@ class Finding:
     def separated_by(self) -> str:
         theirs = [(r.evidence.name, alias) for r in self.indistinguishable for alias in r.evidence.candidate.choice.effect.aliases]
         known = {name: alias.separated_by for name, alias in theirs if alias.name == self.name}
-        known |= {alias.name: alias.separated_by for alias in self.effect.aliases}
+        known |= {alias.name: alias.separated_by for alias in (*self.effect.aliases, *self.inherent)}
         if self.nameless:
             known["unknown"] = self.nameless
         texts = [f"{name}: {known.get(name) or 'another excitation'}" for name in self.aliases]
@@ -226,7 +227,7 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     vague = [choice.effect.vague(model.scene, choice.joints, choice.theta)]
     if other:
         vague.insert(0, f"{other.words} explains as much ({other.separated_by})")
-    return Finding(choice, evidence, values, interval, found, model.acting(number), vague=", ".join(filter(None, vague)))
+    return Finding(choice, evidence, values, interval, found, choice.effect.inherent(model.estimate(number)), model.acting(number), vague=", ".join(filter(None, vague)))
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

@@ -148,6 +148,10 @@ class Effect(ABC):
         labels = self.labels(estimate.joints, estimate.theta) + self.theta_labels(estimate.joints)
         return dict(zip(labels, (*map(float, estimate.beta), *estimate.theta), strict=False))
 
+    def inherent(self, estimate: Estimate) -> tuple[Alias, ...]:
+        """Effects that this motion cannot tell from the estimated one whatever fits better; by default those that no motion does."""
+        return tuple(alias for alias in self.aliases if alias.always)
+
     def related(self, other: "Effect") -> bool:
         """Whether one of the two lists the other as its alias."""
         return other.name in {a.name for a in self.aliases} or self.name in {a.name for a in other.aliases}

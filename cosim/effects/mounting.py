@@ -3,7 +3,9 @@
 import numpy as np
 
 from cosim.effects.effect import Alias, Effect, Estimate, Scene
-from cosim.effects.transmission import displaced
+from cosim.effects.transmission import displaced, pressed
+
+PRESSED = Alias("backlash", "a load that changes its sign: a gap that it keeps pressed to one side is an offset of half of it")
 
 
 class BaseTilt(Effect):
@@ -74,6 +76,10 @@ class EncoderOffset(Effect):
 
     def labels(self, joints, theta):
         return (f"encoder_offset[{joints[0] + 1}]",)
+
+    def inherent(self, estimate: Estimate) -> tuple[Alias, ...]:
+        side = pressed(estimate.scene, estimate.joints[0])
+        return (*super().inherent(estimate), *((PRESSED,) if side * estimate.beta[0] > 0 else ()))
 
     def unphysical(self, estimate: Estimate) -> str:
         return "an offset of more than half a radian" if abs(estimate.beta[0]) > 0.5 else ""

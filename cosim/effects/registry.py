@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.effects.actuator import ActuatorLag, TimeDelay, TorqueDeadband, TorqueGain, TorqueSaturation
-from cosim.effects.effect import Effect, Scene
+from cosim.effects.effect import Alias, Effect, Scene
 from cosim.effects.load import LoadFriction
 from cosim.effects.mounting import BaseTilt, EncoderOffset, Payload
 from cosim.effects.position import Hysteresis, PositionFriction, PositionTorque, TorqueRipple
@@ -160,5 +160,6 @@ _EXPECTED = {
     "parameters": ("text -> finite number", _are_values),
     "grid": ("tuples of finite numbers in a tuple", _is_grid),
     "joint_sets": ("tuples of joints (from 0) of the device in a tuple", _are_joint_sets),
+    "inherent": ("aliases in a tuple", lambda value, arguments: isinstance(value, tuple) and all(isinstance(alias, Alias) for alias in value)),
     "untestable": _TEXT, "vague": _TEXT, "unphysical": _TEXT,
 }

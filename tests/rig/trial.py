@@ -61,11 +61,12 @@ def recording(run: Measured, case: Case):
 
 
 def held_torque(model) -> list[float]:
-    """RMS of the torque of the held-out moving rows, per joint [N.m]."""
+    """RMS of the torque of the held-out moving rows, per joint [N.m]; NaN where there are none."""
     from cosim.closure.errors import torque
 
     rows = model.setting.rows
-    return [float(np.sqrt(np.mean(y[rows.test & m] ** 2))) for y, m in zip(torque(model), rows.moving.T, strict=True)]
+    used = (rows.test & rows.moving.T, torque(model))
+    return [float(np.sqrt(np.mean(y[u] ** 2))) if u.any() else float("nan") for u, y in zip(*used, strict=True)]
 
 
 def judge(task) -> dict:

@@ -91,7 +91,7 @@ def sentence(closure: Closure) -> str:
         return f"model_complete: no effect is missing that this data can show{beside}. {held}"
     left = "; ".join(dict.fromkeys(map(_left, verdict.leftovers[:3])))
     if verdict.answer is Answer.UNEXPLAINED:
-        left = left or "; ".join(f"{f.name} was withdrawn: {why}" for f, why in verdict.withdrawn[:1])
+        left = left or next((f"{f.name} was withdrawn: {why}" for f, why in verdict.withdrawn), "")
         return f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
     rest = f" Something else is left without a name ({left})." if left else ""
     return f"effect_found: {new}{beside}. {held}{rest}"

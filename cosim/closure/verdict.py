@@ -209,7 +209,8 @@ def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule
 def _unnamed_better(base: Model, model: Model, joint: int) -> str:
     """Whether one nameless function in the place of all names of the joint does clearly better than they."""
     error, without = model.unseen(joint), base.unseen(joint).sum()
-    rival = min((e.model for e in in_place(base, joint, (*dependences(base.scene), *faults(base.scene, joint)))), key=lambda m: m.unseen(joint).sum(), default=None)
+    nameless = in_place(base, joint, (*dependences(base.scene), *faults(base.scene, joint)))
+    rival = min((e.model for e in nameless), key=lambda m: m.unseen(joint).sum(), default=None)
     if rival is None:
         return ""
     other = rival.unseen(joint)
@@ -227,7 +228,8 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     vague = [choice.effect.vague(model.scene, choice.joints, choice.theta)]
     if other:
         vague.insert(0, f"{other.words} explains as much ({other.separated_by})")
-    return Finding(choice, evidence, values, interval, found, choice.effect.inherent(model.estimate(number)), model.acting(number), vague=", ".join(filter(None, vague)))
+    inherent = choice.effect.inherent(model.estimate(number))
+    return Finding(choice, evidence, values, interval, found, inherent, model.acting(number), vague=", ".join(filter(None, vague)))
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:

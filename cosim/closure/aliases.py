@@ -99,12 +99,10 @@ def _reached(rest: Model, chosen: Evidence, other: Evidence) -> float:
 
 
 def indistinguishable(chosen: Effect, found: Sequence[Rival]) -> tuple[Rival, ...]:
-    """The rivals that no motion tells from the effect, then those within one standard error or of nearly the same gain, one of a name."""
-    alike = {alias.name: alias for alias in chosen.aliases}
-    always = [r for r in found if r.evidence.name in alike and alike[r.evidence.name].always]
-    reach = {name: alias.reach for name, alias in alike.items()}
+    """The rivals within one standard error or of nearly the same gain, one of a name."""
+    reach = {alias.name: alias.reach for alias in chosen.aliases}
     close = [r for r in found if r.worse <= NEAR or r.reached >= reach.get(r.evidence.name, REACHED)]
     first: dict[str, Rival] = {}
-    for rival in (*always, *close):
+    for rival in close:
         first.setdefault(rival.evidence.name, rival)
     return tuple(first.values())

@@ -76,7 +76,7 @@ def _made(kind: type[Effect], path: Path) -> Effect:
 
 
 def _watched(method, where: str):
-    """The method, with what it raises and columns of another shape told as an InputError that names it."""
+    """The method, with what it raises, or gives that is not what is expected, told as an InputError that names it."""
 
     @wraps(method)
     def call(self, *arguments):

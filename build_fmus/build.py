@@ -10,20 +10,22 @@ from build_fmus.cache import builder_code, cache_folder, key_of, store, workspac
 from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
 from build_fmus.description import describe
 from build_fmus.documentation import index_html
-from build_fmus.errors import BadRequest, BuildError
+from build_fmus.errors import BadRequestError, BuildError
 from build_fmus.header import header
 from build_fmus.sources import GENERATED, licence, model_files, models, readme_of, source_root
-from build_fmus.table import Table, load_table, override, suggestion
+from build_fmus.table import ModelTable, load_table, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
 
 Progress = Callable[[str], None]
 
 
 @frozen
-class Job:
-    """What to build: a table (with its start values), FMI version, platforms; `extra` stands in for files of the model."""
+class BuildJob:
+    """What to build: a table (with its start values), FMI version, platforms; `extra` stands in for files of the
+    model.
+    """
 
-    table: Table
+    table: ModelTable
     fmi: int
     platforms: tuple[str, ...]
     extra: dict[str, bytes] = field(factory=dict)
@@ -54,11 +56,11 @@ def fmu_path(
     Raises BuildError for an unknown model, platform or variable, and where it cannot be built.
     """
     if model not in models():
-        raise BadRequest(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
+        raise BadRequestError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
     table = load_table(source_root() / model / "model.toml")
     if table.model.name != model:
         raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
-    return build(Job(override(table, dict(start)) if start else table, fmi, check_platforms(platforms)), progress)
+    return build(BuildJob(override(table, dict(start)) if start else table, fmi, check_platforms(platforms)), progress)
 
 
 def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
@@ -66,16 +68,16 @@ def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
     chosen = tuple(platforms) if platforms else (this_platform(),)
     unknown = [p for p in chosen if p not in PLATFORMS]
     if unknown:
-        raise BadRequest(
+        raise BadRequestError(
             f"no platform {p!r}{suggestion(p, PLATFORMS)}; there are {', '.join(PLATFORMS)}" for p in unknown
         )
     return tuple(p for p in PLATFORMS if p in chosen)
 
 
-def build(job: Job, progress: Progress | None = None) -> Path:
+def build(job: BuildJob, progress: Progress | None = None) -> Path:
     """The FMU of a job, from the cache or built now."""
     if job.fmi not in (2, 3):
-        raise BadRequest(f"FMI version is 2 or 3, not {job.fmi}")
+        raise BadRequestError(f"FMI version is 2 or 3, not {job.fmi}")
     compiler, folder = find_compiler(), cache_folder()
     sources = source_files(job)
     path = folder / "fmus" / _key(job, sources, compiler) / f"{job.model}.fmu"
@@ -87,7 +89,7 @@ def build(job: Job, progress: Progress | None = None) -> Path:
     return path
 
 
-def _patience(job: Job) -> str:
+def _patience(job: BuildJob) -> str:
     """Zig makes its C library for Windows once: 75 s of processor time (others 4 s)."""
     return "; the first one for Windows takes minutes" if "x86_64-windows" in job.platforms else ""
 
@@ -105,24 +107,24 @@ def _keep(path: Path, data: bytes) -> None:
     store(path, data)
 
 
-def source_files(job: Job) -> dict[str, bytes]:
+def source_files(job: BuildJob) -> dict[str, bytes]:
     """Every file of the sources folder, the generated table included."""
     files = model_files(job.model, job.fmi, job.code)
     token = token_of(job, files)
     return files | {GENERATED: header(job.table, token).encode()}
 
 
-def token_of(job: Job, files: Mapping[str, bytes]) -> str:
+def token_of(job: BuildJob, files: Mapping[str, bytes]) -> str:
     """Instantiation token: a hash of the sources and of the table with its start values."""
     return "{" + key_of(header(job.table, ""), *(x for n in sorted(files) for x in (n, files[n])))[:36] + "}"
 
 
-def header_token(job: Job) -> str:
+def header_token(job: BuildJob) -> str:
     """Instantiation token of the FMU that the job would build."""
     return token_of(job, model_files(job.model, job.fmi, job.code))
 
 
-def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
+def _key(job: BuildJob, sources: dict[str, bytes], compiler: Compiler) -> str:
     flags = [" ".join(compiler.flags(PLATFORMS[p])) for p in job.platforms]
     readme = job.readme
     parts = [x for name in sorted(sources) for x in (name, sources[name])]
@@ -139,7 +141,7 @@ def _key(job: Job, sources: dict[str, bytes], compiler: Compiler) -> str:
     )[:24]
 
 
-def _libraries(job: Job, sources: dict[str, bytes], compiler: Compiler, folder: Path) -> dict[str, bytes]:
+def _libraries(job: BuildJob, sources: dict[str, bytes], compiler: Compiler, folder: Path) -> dict[str, bytes]:
     """{path in the FMU: bytes} of the shared libraries; a platform that FMI 2 cannot name has its sources only."""
     with workspace() as work:
         for name, data in sources.items():
@@ -149,7 +151,7 @@ def _libraries(job: Job, sources: dict[str, bytes], compiler: Compiler, folder: 
         )
 
 
-def _library(job: Job, name: str, work: Path, compiler: Compiler, folder: Path) -> tuple[str, bytes]:
+def _library(job: BuildJob, name: str, work: Path, compiler: Compiler, folder: Path) -> tuple[str, bytes]:
     chosen = PLATFORMS[name]
     library = work / name / f"{job.model}{chosen.suffix}"
     library.parent.mkdir()
@@ -157,7 +159,7 @@ def _library(job: Job, name: str, work: Path, compiler: Compiler, folder: Path) 
     return f"binaries/{chosen.folder(job.fmi)}/{library.name}", library.read_bytes()
 
 
-def _packed(job: Job, sources: dict[str, bytes]) -> dict[str, bytes]:
+def _packed(job: BuildJob, sources: dict[str, bytes]) -> dict[str, bytes]:
     """Everything in the FMU but the libraries."""
     token = token_of(job, {n: d for n, d in sources.items() if n != GENERATED})
     files = {
@@ -174,7 +176,7 @@ def _beside2() -> dict[str, bytes]:
     return {"model.png": icon_png()}
 
 
-def _beside3(job: Job) -> dict[str, bytes]:
+def _beside3(job: BuildJob) -> dict[str, bytes]:
     return {
         "sources/buildDescription.xml": build_description(job.model).encode(),
         "terminalsAndIcons/terminalsAndIcons.xml": terminals(job.table).encode(),

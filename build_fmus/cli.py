@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from build_fmus.errors import BadRequest, BuildError
+from build_fmus.errors import BadRequestError, BuildError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -23,7 +23,7 @@ def build_fmus(
             help="x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, aarch64-darwin; this machine by default."
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for fmi2/MODEL.fmu and fmi3/MODEL.fmu.")] = Path("."),
+    out: Annotated[Path, typer.Option(help="Folder for fmi2/MODEL.fmu and fmi3/MODEL.fmu.")] = Path(),
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
     """Compile and zip FMUs."""
@@ -39,7 +39,7 @@ def build_fmus(
 
 def _exit_code(error: BaseException) -> int:
     """2: what was asked for does not exist; 1: it cannot be built here; 130: interrupted."""
-    return 130 if isinstance(error, KeyboardInterrupt) else 2 if isinstance(error, BadRequest) else 1
+    return 130 if isinstance(error, KeyboardInterrupt) else 2 if isinstance(error, BadRequestError) else 1
 
 
 def build_all(wanted: list[str], versions: list[int], platforms: list[str], out: Path) -> list[str]:
@@ -63,6 +63,7 @@ def build_all(wanted: list[str], versions: list[int], platforms: list[str], out:
 
 
 def copy(built: Path, target: Path) -> str:
+    """Copy a built FMU to where it was asked for; a line for the user."""
     from build_fmus.cache import store
 
     data = built.read_bytes()

@@ -3,7 +3,7 @@
 from html import escape
 
 from build_fmus.header import nominal
-from build_fmus.table import Scalar, Table, Variable
+from build_fmus.table import ModelTable, ModelVariable, Scalar
 from build_fmus.units import BASE, exponents, per_second, quantity
 
 GENERATOR = "haptic-cosim build-fmus"
@@ -22,7 +22,7 @@ CAUSALITY = {"tunable": "parameter", "state": "local"}
 _BREAKS = {ord(c): f"&#{ord(c)};" for c in "\t\n\r"}  # a parser would make spaces of them
 
 
-def describe(table: Table, fmi: int, token: str) -> str:
+def describe(table: ModelTable, fmi: int, token: str) -> str:
     """Text of modelDescription.xml."""
     return _document2(table, token) if fmi == 2 else _document3(table, token)
 
@@ -41,13 +41,14 @@ def _text(value: object) -> str:
 
 
 def document(root: str) -> str:
+    """An XML document with this root element."""
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{root}\n'
 
 
 # ---- what both versions share ----
 
 
-def _units(table: Table, fmi: int) -> list[str]:
+def _units(table: ModelTable, fmi: int) -> list[str]:
     units = {v.unit for v in table.variable if v.unit}
     if fmi == 3:
         units |= {per_second(s.variable.unit) for s in table.slopes} | {"s"}
@@ -60,19 +61,19 @@ def _unit(unit: str) -> str:
     return element("Unit", {"name": unit}, [base, *shown])
 
 
-def _enumeration_type(table: Table, v: Variable) -> str:
+def _enumeration_type(table: ModelTable, v: ModelVariable) -> str:
     return f"{table.model.name}.{v.name.title().replace('_', '')}"
 
 
-def _quantity_units(table: Table) -> list[str]:
+def _quantity_units(table: ModelTable) -> list[str]:
     return sorted({v.unit for v in table.variable if v.type == "Real"})
 
 
-def _enumerations(table: Table) -> list[Variable]:
+def _enumerations(table: ModelTable) -> list[ModelVariable]:
     return [v for v in table.variable if v.type == "Enumeration"]
 
 
-def _experiment(table: Table) -> str:
+def _experiment(table: ModelTable) -> str:
     times = {"startTime": 0.0, "stopTime": table.experiment.stop, "stepSize": table.experiment.step}
     return element("DefaultExperiment", times)
 
@@ -85,11 +86,11 @@ def _log_categories() -> str:
     )
 
 
-def _variability(v: Variable) -> str:
+def _variability(v: ModelVariable) -> str:
     return VARIABILITY.get(v.causality, "continuous" if v.type == "Real" else "discrete")
 
 
-def _initial(v: Variable) -> str | None:
+def _initial(v: ModelVariable) -> str | None:
     if v.causality == "input":
         return None
     return "exact" if v.causality in VARIABILITY else "calculated"
@@ -102,7 +103,7 @@ def _value(s: Scalar, fmi: int) -> str | None:
     return {"Real": repr(s.start), "Boolean": str(bool(s.start)).lower()}.get(v.type, str(int(s.start)))
 
 
-def _bound(v: Variable, bound: float | None) -> object:
+def _bound(v: ModelVariable, bound: float | None) -> object:
     if bound is None or v.type in ("Boolean", "Enumeration"):
         return None
     return repr(float(bound)) if v.type == "Real" else int(bound)
@@ -114,13 +115,13 @@ def _nominal(s: Scalar) -> str | None:
     return None if s.variable.type != "Real" or value == 1.0 else repr(value)
 
 
-def output_dependencies(table: Table, s: Scalar) -> list[int]:
+def output_dependencies(table: ModelTable, s: Scalar) -> list[int]:
     """Value references on which an output depends during the run: states, and inputs that feed through."""
     states = [state.reference for state, _ in table.states]
     return sorted(set(_links(table, s, s.variable.feedthrough) + states))
 
 
-def _links(table: Table, s: Scalar, links: list[str] | None) -> list[int]:
+def _links(table: ModelTable, s: Scalar, links: list[str] | None) -> list[int]:
     if links is None:
         return []
     found = []
@@ -130,7 +131,7 @@ def _links(table: Table, s: Scalar, links: list[str] | None) -> list[int]:
     return found
 
 
-def derivative_dependencies(table: Table, s: Scalar) -> list[int]:
+def derivative_dependencies(table: ModelTable, s: Scalar) -> list[int]:
     """A derivative depends on every input and state, unless the table says more; one that is a state, on itself."""
     if s.variable.causality == "state":
         return [s.reference]
@@ -139,7 +140,7 @@ def derivative_dependencies(table: Table, s: Scalar) -> list[int]:
     return sorted([i.reference for i in table.slopes] + [state.reference for state, _ in table.states])
 
 
-def initial_dependencies(table: Table, s: Scalar) -> list[int]:
+def initial_dependencies(table: ModelTable, s: Scalar) -> list[int]:
     """Knowns of the initialisation problem on which an initial unknown depends."""
     v = s.variable
     if v.causality == "state" and v.initial:
@@ -152,12 +153,12 @@ def initial_dependencies(table: Table, s: Scalar) -> list[int]:
     return sorted(set(parameters + inputs))
 
 
-def _derivatives(table: Table) -> list[Scalar]:
+def _derivatives(table: ModelTable) -> list[Scalar]:
     scalars = table.scalars
     return [scalars[reference] for _, reference in table.states]
 
 
-def _initial_unknowns(table: Table) -> list[Scalar]:
+def _initial_unknowns(table: ModelTable) -> list[Scalar]:
     states = [s for s, _ in table.states]
     chosen = {s.reference: s for s in [*table.of("output"), *states, *_derivatives(table)]}
     return [chosen[reference] for reference in sorted(chosen)]
@@ -166,7 +167,7 @@ def _initial_unknowns(table: Table) -> list[Scalar]:
 # ---- FMI 2.0 ----
 
 
-def _document2(table: Table, token: str) -> str:
+def _document2(table: ModelTable, token: str) -> str:
     children = [
         *([_exchange2(table)] if table.continuous else []),
         _cosimulation2(table),
@@ -196,7 +197,7 @@ def _sources2() -> str:
     return element("SourceFiles", {}, [element("File", {"name": "fmi2.c"})])
 
 
-def _capabilities2(table: Table) -> dict[str, object]:
+def _capabilities2(table: ModelTable) -> dict[str, object]:
     return {
         "modelIdentifier": table.model.name,
         "needsExecutionTool": False,
@@ -208,11 +209,11 @@ def _capabilities2(table: Table) -> dict[str, object]:
     }
 
 
-def _exchange2(table: Table) -> str:
+def _exchange2(table: ModelTable) -> str:
     return element("ModelExchange", _capabilities2(table) | {"completedIntegratorStepNotNeeded": False}, [_sources2()])
 
 
-def _cosimulation2(table: Table) -> str:
+def _cosimulation2(table: ModelTable) -> str:
     flags = {
         "canHandleVariableCommunicationStepSize": True,
         "canInterpolateInputs": True,
@@ -222,7 +223,7 @@ def _cosimulation2(table: Table) -> str:
     return element("CoSimulation", _capabilities2(table) | flags, [_sources2()])
 
 
-def _types2(table: Table) -> list[str]:
+def _types2(table: ModelTable) -> list[str]:
     reals = [
         element(
             "SimpleType",
@@ -246,7 +247,7 @@ def _types2(table: Table) -> list[str]:
     return reals + enumerations
 
 
-def _variable2(table: Table, s: Scalar) -> str:
+def _variable2(table: ModelTable, s: Scalar) -> str:
     v = s.variable
     head = {
         "name": s.name,
@@ -269,11 +270,11 @@ def _variable2(table: Table, s: Scalar) -> str:
     return element("ScalarVariable", head, [element(v.type, body)])
 
 
-def _declared(table: Table, v: Variable) -> str | None:
+def _declared(table: ModelTable, v: ModelVariable) -> str | None:
     return {"Real": quantity(v.unit), "Enumeration": _enumeration_type(table, v)}.get(v.type)
 
 
-def _structure2(table: Table) -> list[str]:
+def _structure2(table: ModelTable) -> list[str]:
     parts = [("Outputs", table.of("output"), output_dependencies)]
     if table.continuous:
         parts.append(("Derivatives", _derivatives(table), derivative_dependencies))
@@ -281,7 +282,7 @@ def _structure2(table: Table) -> list[str]:
     return [element(tag, {}, [_unknown2(table, s, rule) for s in rows]) for tag, rows, rule in parts if rows]
 
 
-def _unknown2(table: Table, s: Scalar, rule) -> str:
+def _unknown2(table: ModelTable, s: Scalar, rule) -> str:
     indices = " ".join(str(reference + 1) for reference in rule(table, s))
     return element("Unknown", {"index": s.reference + 1, "dependencies": indices})
 
@@ -289,7 +290,7 @@ def _unknown2(table: Table, s: Scalar, rule) -> str:
 # ---- FMI 3.0 ----
 
 
-def _document3(table: Table, token: str) -> str:
+def _document3(table: ModelTable, token: str) -> str:
     count = len(table.scalars)
     children = [
         *([_exchange3(table)] if table.continuous else []),
@@ -323,7 +324,7 @@ def _document3(table: Table, token: str) -> str:
     return document(element("fmiModelDescription", head, children))
 
 
-def _capabilities3(table: Table) -> dict[str, object]:
+def _capabilities3(table: ModelTable) -> dict[str, object]:
     return {
         "modelIdentifier": table.model.name,
         "needsExecutionTool": False,
@@ -336,12 +337,12 @@ def _capabilities3(table: Table) -> dict[str, object]:
     }
 
 
-def _exchange3(table: Table) -> str:
+def _exchange3(table: ModelTable) -> str:
     flags = {"needsCompletedIntegratorStep": True, "providesEvaluateDiscreteStates": False}
     return element("ModelExchange", _capabilities3(table) | flags)
 
 
-def _cosimulation3(table: Table) -> str:
+def _cosimulation3(table: ModelTable) -> str:
     flags = {
         "canHandleVariableCommunicationStepSize": True,
         "maxOutputDerivativeOrder": 0,
@@ -354,7 +355,7 @@ def _cosimulation3(table: Table) -> str:
     return element("CoSimulation", _capabilities3(table) | flags)
 
 
-def _types3(table: Table) -> list[str]:
+def _types3(table: ModelTable) -> list[str]:
     reals = [
         element(
             "Float64Type",
@@ -381,7 +382,7 @@ def _types3(table: Table) -> list[str]:
 TAGS3 = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
 
 
-def _variable3(table: Table, s: Scalar) -> str:
+def _variable3(table: ModelTable, s: Scalar) -> str:
     v = s.variable
     state = table.differentiated.get(s.reference)
     return element(
@@ -434,7 +435,7 @@ def _slope3(s: Scalar, reference: int) -> str:
     )
 
 
-def _structure3(table: Table) -> list[str]:
+def _structure3(table: ModelTable) -> list[str]:
     parts = [("Output", table.of("output"), output_dependencies)]
     if table.continuous:
         parts.append(("ContinuousStateDerivative", _derivatives(table), derivative_dependencies))
@@ -442,5 +443,5 @@ def _structure3(table: Table) -> list[str]:
     return [_unknown3(tag, table, s, rule) for tag, rows, rule in parts for s in rows]
 
 
-def _unknown3(tag: str, table: Table, s: Scalar, rule) -> str:
+def _unknown3(tag: str, table: ModelTable, s: Scalar, rule) -> str:
     return element(tag, {"valueReference": s.reference, "dependencies": " ".join(map(str, rule(table, s)))})

@@ -4,7 +4,7 @@ import re
 from html import escape
 from textwrap import indent
 
-from build_fmus.table import Table, Variable
+from build_fmus.table import ModelTable, ModelVariable
 
 STYLE = (
     "body{font:16px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}"
@@ -13,7 +13,7 @@ STYLE = (
 )
 
 
-def index_html(table: Table, readme: str) -> str:
+def index_html(table: ModelTable, readme: str) -> str:
     """One HTML page without references to other files."""
     return "\n".join(
         [
@@ -27,13 +27,13 @@ def index_html(table: Table, readme: str) -> str:
     )
 
 
-def _variables(table: Table) -> str:
+def _variables(table: ModelTable) -> str:
     heads = ("name", "causality", "type", "unit", "start", "range", "meaning")
     rows = [_row(heads, "th"), *(_row(_cells(v), "td") for v in table.variable)]
     return "<table>\n" + "\n".join(rows) + "\n</table>"
 
 
-def _cells(v: Variable) -> tuple[str, ...]:
+def _cells(v: ModelVariable) -> tuple[str, ...]:
     name = f"{v.name}[1..{v.size}]" if v.size and not v.names else ", ".join(v.fmi_names)
     starts = v.starts if len(set(v.starts)) > 1 else v.starts[:1]
     start = ", ".join(f"{x:.10g}" for x in starts) if v.causality in ("input", "parameter", "tunable") else ""
@@ -59,7 +59,9 @@ def markdown(text: str) -> str:
 
 def _blocks(text: str) -> list[str]:
     """Split at blank lines; a fenced block counts as an indented one, indented neighbours are joined."""
-    plain = re.sub(r"^```\w*\n(.*?)^```[ \t]*$", lambda m: "\n" + indent(m[1], "    ") + "\n", text, flags=re.S | re.M)
+    plain = re.sub(
+        r"^```\w*\n(.*?)^```[ \t]*$", lambda m: "\n" + indent(m[1], "    ") + "\n", text, flags=re.DOTALL | re.MULTILINE
+    )
     blocks = [block.strip("\n") for block in re.split(r"\n[ \t]*\n", plain)]
     return _join_indented([b for b in blocks if b.strip()])
 
@@ -81,7 +83,7 @@ def _indented(block: str) -> bool:
 def _block(block: str) -> str:
     if _indented(block):
         return "<pre>" + escape("\n".join(line[4:] for line in block.split("\n"))) + "</pre>"
-    heading = re.match(r"(#+) +(.*)(?:\n(.*))?", block, flags=re.S)
+    heading = re.match(r"(#+) +(.*)(?:\n(.*))?", block, flags=re.DOTALL)
     if heading:
         level = min(len(heading[1]), 6)
         title, _, rest = block[len(heading[1]) :].strip().partition("\n")

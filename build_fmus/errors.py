@@ -14,5 +14,5 @@ class BuildError(Exception):
         return type(self), (self.problems,)
 
 
-class BadRequest(BuildError):
+class BadRequestError(BuildError):
     """What was asked for does not exist: a model, platform, FMI version or variable (exit code 2)."""

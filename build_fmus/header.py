@@ -1,11 +1,11 @@
 """The C header of a model: struct, sizes and the table that the glue reads, all from `model.toml`."""
 
-from build_fmus.table import Scalar, Table, Variable
+from build_fmus.table import ModelTable, ModelVariable, Scalar
 
 KINDS = {"Real": "REAL", "Integer": "INTEGER", "Boolean": "BOOLEAN", "Enumeration": "ENUMERATION"}
 
 
-def header(table: Table, token: str) -> str:
+def header(table: ModelTable, token: str) -> str:
     """Text of `model_table.h`."""
     width = sum(v.width for v in table.variable)
     parts = [
@@ -32,20 +32,20 @@ def header(table: Table, token: str) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _has(table: Table, name: str) -> bool:
+def _has(table: ModelTable, name: str) -> bool:
     return any(v.name == name for v in table.variable)
 
 
-def _derivative_outputs(table: Table) -> bool:
+def _derivative_outputs(table: ModelTable) -> bool:
     return any(table.row(s.variable.derivative).causality == "output" for s, _ in table.states)
 
 
-def _enumerations(table: Table) -> list[str]:
+def _enumerations(table: ModelTable) -> list[str]:
     rows = [v for v in table.variable if v.type == "Enumeration"]
     return [f"enum {{ {', '.join(f'{v.name}_{n} = {i + 1}'.upper() for i, n in enumerate(v.items))} }};" for v in rows]
 
 
-def _struct(table: Table) -> str:
+def _struct(table: ModelTable) -> str:
     lines = [_member(v.name, v.size, f"{v.unit or v.type}: {v.description}") for v in table.variable]
     lines += [_member(p.name, p.size, p.description) for p in table.private]
     lines += [
@@ -61,7 +61,7 @@ def _member(name: str, size: int | None, comment: str) -> str:
     return f"    double {name}{f'[{size}]' if size else ''}; /* {safe} */"
 
 
-def _variables(table: Table) -> str:
+def _variables(table: ModelTable) -> str:
     rows = ",\n".join(f"    {_row(s, s.reference in table.differentiated)}" for s in table.scalars)
     return f"static const Variable variables[N_VARIABLES] = {{\n{rows}\n}};"
 
@@ -77,7 +77,7 @@ def _or(value: float | None, other: str) -> float | str:
     return other if value is None else value
 
 
-def nominal(v: Variable, index: int) -> float:
+def nominal(v: ModelVariable, index: int) -> float:
     """Typical magnitude: the declared one; the start value of a parameter; else 1."""
     if v.nominal is not None:
         return v.nominal

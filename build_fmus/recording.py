@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve
 
-from build_fmus.build import Job, Progress, build, check_platforms
+from build_fmus.build import BuildJob, Progress, build, check_platforms
 from build_fmus.errors import BuildError
 from build_fmus.sources import source_root
-from build_fmus.table import FMI_NAME, Table, Variable, load_table, override
+from build_fmus.table import FMI_NAME, ModelTable, ModelVariable, load_table, override
 
 
 def recording_fmu(
@@ -33,7 +33,7 @@ def recording_fmu(
         raise BuildError(f"recording: {problem}" for problem in problems)
     table = override(_table(data, units), {"interpolation": interpolation})
     extra = {"recording.h": _header(moments, data)}
-    return build(Job(table, fmi, check_platforms(platforms), extra, level=1), progress)
+    return build(BuildJob(table, fmi, check_platforms(platforms), extra, level=1), progress)
 
 
 def _problems(time: np.ndarray, data: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
@@ -55,11 +55,11 @@ def _problems(time: np.ndarray, data: Mapping[str, np.ndarray], units: Mapping[s
     return problems
 
 
-def _table(data: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Table:
+def _table(data: Mapping[str, np.ndarray], units: Mapping[str, str]) -> ModelTable:
     """The Recording table with one output for each column, in their order and before everything else."""
     table = load_table(source_root() / "Recording" / "model.toml")
     outputs = [
-        Variable(f"y{i + 1}", "output", f"recorded column {name}", unit=units[name], names=[name])
+        ModelVariable(f"y{i + 1}", "output", f"recorded column {name}", unit=units[name], names=[name])
         for i, name in enumerate(data)
     ]
     return evolve(table, variable=outputs + [v for v in table.variable if v.causality != "output"])

@@ -5,18 +5,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
-from build_fmus.build import Job, build, check_platforms, header_token
+from build_fmus.build import BuildJob, build, check_platforms, header_token
 from build_fmus.cache import store
 from build_fmus.compiler import PLATFORMS
 from build_fmus.errors import BuildError
 from build_fmus.sources import models, source_root
-from build_fmus.table import Table, load_table, override
+from build_fmus.table import ModelTable, load_table, override
 
 
 def start_values(fmu: Path, values: Mapping[str, float | list[float]], out: Path) -> Path:
     """Write to `out` the FMU with other start values: by scalar ("coulomb[2]") or row ("coulomb": list or one number).
 
-    An importer that relies on the defaults does not set them, so they are compiled in: the FMU must be one of ours, from
+    An importer that relies on the defaults does not set them, so they are compiled in: the FMU must be one of ours,
+    from
     the same sources as the present ones. What it had of its own start values before stays. Raises BuildError.
     """
     description, platforms = _read(Path(fmu))
@@ -26,11 +27,11 @@ def start_values(fmu: Path, values: Mapping[str, float | list[float]], out: Path
         raise BuildError(f"{fmu}: {name!r} is no model with start values of this package")
     table = load_table(source_root() / name / "model.toml")
     present = override(table, _present_values(description, version, table))
-    if header_token(Job(present, version, ())) != description.get("guid", description.get("instantiationToken")):
+    if header_token(BuildJob(present, version, ())) != description.get("guid", description.get("instantiationToken")):
         raise BuildError(
             f"{fmu} was built from other sources than the present ones; build it again with build-fmus {name}"
         )
-    job = Job(override(present, dict(values)), version, check_platforms(platforms))
+    job = BuildJob(override(present, dict(values)), version, check_platforms(platforms))
     store(Path(out), build(job).read_bytes())
     return Path(out)
 
@@ -46,7 +47,7 @@ def _read(fmu: Path) -> tuple[ElementTree.Element, list[str]]:
     return root, [p.name for p in PLATFORMS.values() if {p.name, p.fmi2} & folders]
 
 
-def _present_values(root: ElementTree.Element, version: int, table: Table) -> dict[str, float]:
+def _present_values(root: ElementTree.Element, version: int, table: ModelTable) -> dict[str, float]:
     """{scalar name: start value} of what can be set, as in the XML."""
     settable = {s.name for s in table.of("input", "parameter", "tunable")}
     found = {}

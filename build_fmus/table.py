@@ -12,7 +12,7 @@ from typing import Literal
 import cattrs
 from attrs import evolve, field, fields, frozen
 
-from build_fmus.errors import BadRequest, BuildError
+from build_fmus.errors import BadRequestError, BuildError
 from build_fmus.units import exponents
 
 Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
@@ -23,7 +23,7 @@ RESERVED = ("origin", "step", "text", "time")
 
 
 @frozen
-class Variable:
+class ModelVariable:
     """One row of the table: a scalar or an array of `size` scalars that FMI names `name[1]` ... `name[size]`."""
 
     name: str
@@ -90,13 +90,15 @@ class Include:
 
 @frozen
 class Head:
+    """The table `[model]` of model.toml: name, description, whether it integrates or is sampled."""
+
     name: str
     description: str
     kind: Literal["continuous", "sampled"]
 
 
 @frozen
-class Experiment:
+class DefaultExperiment:
     """Default experiment: stop time and communication step, s."""
 
     stop: float
@@ -107,7 +109,7 @@ class Experiment:
 class Scalar:
     """One FMI variable: its row, place in the row, value reference (index of its double in the struct)."""
 
-    variable: Variable
+    variable: ModelVariable
     index: int
     reference: int
 
@@ -121,12 +123,12 @@ class Scalar:
 
 
 @frozen(slots=False)
-class Table:
+class ModelTable:
     """A model: head, default experiment, variables, private state. What follows from them is worked out once."""
 
     model: Head
-    experiment: Experiment
-    variable: list[Variable]
+    experiment: DefaultExperiment
+    variable: list[ModelVariable]
     private: list[Private] = field(factory=list)
 
     @property
@@ -141,7 +143,7 @@ class Table:
     def of(self, *causalities: str) -> list[Scalar]:
         return [s for s in self.scalars if s.variable.causality in causalities]
 
-    def row(self, name: str) -> Variable:
+    def row(self, name: str) -> ModelVariable:
         return next(v for v in self.variable if v.name == name)
 
     @cached_property
@@ -170,7 +172,7 @@ class Table:
         return [(s, self.references(s.variable.derivative)[s.index]) for s in self.of("state")]
 
 
-def load_table(path: Path) -> Table:
+def load_table(path: Path) -> ModelTable:
     """Read and check `model.toml` with the rows that it includes. Raises BuildError with every problem."""
     data = _read(path)
     problems = [f"{path}: {problem}" for problem in _unknown_keys(data)]
@@ -183,7 +185,7 @@ def load_table(path: Path) -> Table:
     if problems:
         raise BuildError(problems)
     try:
-        table = _converter().structure(data, Table)
+        table = _converter().structure(data, ModelTable)
     except Exception as error:
         raise BuildError(f"{path}: {text}" for text in cattrs.transform_error(error)) from error
     problems = list(check(table))
@@ -207,10 +209,10 @@ def _read(path: Path) -> dict:
 
 
 def _unknown_keys(data: dict) -> Iterable[str]:
-    yield from _compare({k: v for k, v in data.items() if k != "include"}, Table, "top level")
-    for key, kind in (("model", Head), ("experiment", Experiment)):
+    yield from _compare({k: v for k, v in data.items() if k != "include"}, ModelTable, "top level")
+    for key, kind in (("model", Head), ("experiment", DefaultExperiment)):
         yield from _compare(data.get(key, {}), kind, f"[{key}]")
-    for key, kind in (("variable", Variable), ("private", Private), ("include", Include)):
+    for key, kind in (("variable", ModelVariable), ("private", Private), ("include", Include)):
         for row in data.get(key, []):
             yield from _compare(row, kind, f"[[{key}]] {row.get('name', '?')}")
 
@@ -223,11 +225,12 @@ def _compare(data: dict, kind: type, where: str) -> Iterable[str]:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
+    """Advice that names the closest known word, empty where none is close."""
     close = get_close_matches(word, list(known), n=1, cutoff=0.5)
     return f", did you mean {close[0]!r}?" if close else ""
 
 
-def check(table: Table) -> Iterable[str]:
+def check(table: ModelTable) -> Iterable[str]:
     """Every contradiction in the table."""
     names = [v.name for v in table.variable] + [p.name for p in table.private]
     for name in names:
@@ -241,7 +244,7 @@ def check(table: Table) -> Iterable[str]:
         yield "a continuous model has states and a sampled one has none"
 
 
-def _check_row(v: Variable, table: Table) -> Iterable[str]:
+def _check_row(v: ModelVariable, table: ModelTable) -> Iterable[str]:
     if v.type == "Real" and not v.unit:
         yield 'a Real needs a unit ("1" where it has none)'
     if v.unit:
@@ -258,7 +261,7 @@ def _check_row(v: Variable, table: Table) -> Iterable[str]:
     yield from _check_links(v, table)
 
 
-def _check_values(v: Variable) -> Iterable[str]:
+def _check_values(v: ModelVariable) -> Iterable[str]:
     if len(v.starts) != v.width:
         yield f"{len(v.starts)} start values for {v.width} scalars"
     if v.causality not in SETTABLE:
@@ -269,7 +272,7 @@ def _check_values(v: Variable) -> Iterable[str]:
             yield f"start value {name} = {value} is outside {low} .. {high}"
 
 
-def _check_links(v: Variable, table: Table) -> Iterable[str]:
+def _check_links(v: ModelVariable, table: ModelTable) -> Iterable[str]:
     known = {row.name: row for row in table.variable}
     for link in [n.removesuffix("[i]") for n in (v.feedthrough or []) + (v.feedthrough_at_start or [])]:
         if link not in known or known[link].causality != "input":
@@ -282,22 +285,22 @@ def _check_links(v: Variable, table: Table) -> Iterable[str]:
         yield f"initial {v.initial!r} is not a parameter"
 
 
-def override(table: Table, values: dict[str, float | list[float]]) -> Table:
+def override(table: ModelTable, values: dict[str, float | list[float]]) -> ModelTable:
     """The table with other start values; `values` by row ("coulomb": list) or scalar ("coulomb[2]": number)."""
     rows = {v.name: v.starts for v in table.variable}
     problems = [p for name, value in values.items() if (p := _put(table, rows, name, value))]
     changed = evolve(table, variable=[_with_starts(v, rows[v.name]) for v in table.variable])
     problems += check(changed)
     if problems:
-        raise BadRequest(f"{table.model.name}: {problem}" for problem in problems)
+        raise BadRequestError(f"{table.model.name}: {problem}" for problem in problems)
     return changed
 
 
-def _with_starts(v: Variable, starts: list[float]) -> Variable:
+def _with_starts(v: ModelVariable, starts: list[float]) -> ModelVariable:
     return v if starts == v.starts else evolve(v, start=starts if v.size else starts[0])
 
 
-def _put(table: Table, rows: dict[str, list[float]], name: str, value: float | list[float]) -> str:
+def _put(table: ModelTable, rows: dict[str, list[float]], name: str, value: float | list[float]) -> str:
     for v in table.variable:
         if v.causality not in SETTABLE:
             continue
@@ -314,5 +317,5 @@ def _put(table: Table, rows: dict[str, list[float]], name: str, value: float | l
     return f"no parameter or input {name!r}{suggestion(name, known)}"
 
 
-def _number(v: Variable, value: float | str) -> float:
+def _number(v: ModelVariable, value: float | str) -> float:
     return float(v.items.index(value) + 1) if isinstance(value, str) and value in v.items else float(value)

@@ -4,10 +4,10 @@ import struct
 import zlib
 
 from build_fmus.description import document, element
-from build_fmus.table import Table, Variable
+from build_fmus.table import ModelTable, ModelVariable
 
 
-def terminals(table: Table) -> str:
+def terminals(table: ModelTable) -> str:
     """One terminal for each input or output array: its scalars belong together."""
     rows = [v for v in table.variable if v.causality in ("input", "output") and v.width > 1]
     children = [
@@ -28,7 +28,7 @@ def terminals(table: Table) -> str:
     return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, children))
 
 
-def _terminal(v: Variable) -> str:
+def _terminal(v: ModelVariable) -> str:
     members = [
         element("TerminalMemberVariable", {"variableName": name, "memberName": str(i + 1), "variableKind": "signal"})
         for i, name in enumerate(v.fmi_names)
@@ -50,7 +50,8 @@ def build_description(model: str) -> str:
     return document(element("fmiBuildDescription", {"fmiVersion": "3.0"}, [configuration]))
 
 
-def icon_svg(table: Table) -> str:
+def icon_svg(table: ModelTable) -> str:
+    """The icon of a model: its name in a box, with its inputs and outputs."""
     return (
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 200 200">'
         '<rect x="4" y="4" width="192" height="192" rx="12" fill="#fff" stroke="#334" stroke-width="8"/>'

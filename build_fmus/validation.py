@@ -25,7 +25,7 @@ def problems_of(fmu: Path) -> list[str]:
         problems = list(_out_of_range(description))
     except ValidationError as error:
         problems = list(error.problems)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions
         problems = [str(error)]
     with zipfile.ZipFile(fmu) as archive:
         for name in set(archive.namelist()) & set(SCHEMAS):

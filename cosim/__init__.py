@@ -1,1 +1,3 @@
-"""Co-simulation of haptic teleoperation: scenarios, master algorithm, stability, identification, the loop closed with data."""
+"""Co-simulation of haptic teleoperation: scenarios, master algorithm, stability, identification, the loop closed with
+data.
+"""

@@ -57,7 +57,7 @@ class Variable:
 
 
 @frozen
-class Description:
+class FmuDescription:
     """What an FMU says of itself: variables by name, whether it integrates, whether it takes input slopes."""
 
     model: str
@@ -92,7 +92,9 @@ class Description:
     @cached_property
     def outputs(self) -> tuple[str, ...]:
         """Outputs that can be wired, in the order in which they are read."""
-        return tuple(by_type(v for v in self.variables.values() if v.causality == "output" and TYPES.get(v.type, 2) < 4))
+        return tuple(
+            by_type(v for v in self.variables.values() if v.causality == "output" and TYPES.get(v.type, 2) < 4)
+        )
 
     def stems(self, causality: str | None = None) -> list[str]:
         """Names without brackets, each once, in the order of the FMU."""

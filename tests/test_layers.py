@@ -1,141 +1,153 @@
-"""The house: layers run one way, heavy packages have one home, the builder knows nothing of cosim."""
+"""The house: rooms and their order, heavy packages with one home, class names with one meaning, the builder apart.
+
+`pytest tests/test_layers.py -s` prints the rooms with their floors.
+"""
 
 import ast
+from collections import defaultdict
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-MODULES = sorted((ROOT / "cosim").rglob("*.py"))
+from tests.support.paths import ROOT
 
-# Lower layers first; a module may import from its own part or from the lines above, never from those below.
-LAYERS = [
-    [
-        "errors",
-        "outcome",
-        "signals",
-        "arm",
-        "delays",
-        "ssp",
-        "report",
-        "rows",
-        "plots.canvas",
-    ],  # a page and a canvas know nothing of the rest
-    ["scenario"],
-    ["schedule", "slave"],
-    ["wiring"],
-    ["fmu", "execution", "initialisation", "native"],
-    ["compiled"],
-    ["master"],
-    ["apart"],
-    ["results"],
-    ["stability", "summary"],
-    ["judging"],
-    ["measured", "effects"],
-    ["identify", "closure", "sweep"],
-    ["plots", "export"],
-    ["cli"],
-    ["__main__", "__init__"],
-]
-# Pages of a study are written beside the study and draw with its plots.
-PAGES = {("identify", "plots"), ("closure", "plots"), ("sweep", "plots"), ("stability", "plots")}
+FILES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "cosim").rglob("*.py"))}
+BUILDER = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "build_fmus").rglob("*.py"))}
+MOST_ROOMS, MOST_FLOORS = 20, 12
+FACE = ("cosim", "cosim.__main__")
+"""The public API and the program stand above all rooms; they import lazily."""
 HEAVY = {
-    "fmpy": {"fmu.description", "fmu.fmi2", "fmu.fmi3", "fmu.instance", "fmu.places", "export.container"},
-    "control": {"stability.margin"},
-    "h5py": {"results", "sweep.table", "table"},
-    "matplotlib": {"plots.canvas"},
-    "jinja2": {"report"},
-    "dask": {"sweep.cluster"},
-    "distributed": {"sweep.cluster"},
-    "pyarrow": {"measured.reader"},
+    "fmpy": {"cosim.fmu", "cosim.export.container"},
+    "control": {"cosim.stability.margin"},
+    "h5py": {"cosim.results.files", "cosim.measured.reader"},  # our results, and files of laboratories
+    "matplotlib": {"cosim.report.canvas"},
+    "jinja2": {"cosim.report.html"},
+    "dask": {"cosim.sweep.cluster"},
+    "distributed": {"cosim.sweep.cluster"},
+    "pyarrow": {"cosim.measured.reader"},
+    "pandas": {"cosim.results.frames"},
+    "xarray": {"cosim.results.frames"},
 }
-COMMANDS = [
-    p
-    for p in MODULES
-    if p.parent.name == "cli"
-    and (p.stem == "__init__" or "def command(" in p.read_text() or "typer.Typer(" in p.read_text())
-]
+LIGHT = set(
+    """__future__ atexit attrs collections contextlib cosim enum functools gc importlib itertools json math os pathlib re
+    sys tempfile types typer typing""".split()
+)
 
 
-def name_of(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT / "cosim").with_suffix("").parts)
+def module(path: Path) -> str:
+    """`cosim.wiring.ages`; a package's `__init__` has the package's name."""
+    words = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(words[:-1] if words[-1] == "__init__" else words)
 
 
-def part_of(module: str) -> str:
-    """`plots.canvas` where it has a layer of its own, else the first part of the name."""
-    known = {entry for layer in LAYERS for entry in layer}
-    return module if module in known else module.partition(".")[0]
+MODULES = {module(path): tree for path, tree in (FILES | BUILDER).items()}
+COSIM = [name for name in MODULES if name.startswith("cosim")]
 
 
-def imports(path: Path) -> list[tuple[str, bool]]:
-    """(module, at the top) of every import of a file."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    found = []
+def imports(tree: ast.Module) -> list[tuple[str, ast.stmt]]:
+    """Modules, or names in modules, that a file imports, with the statement."""
+    found: list[tuple[str, ast.stmt]] = []
     for node in ast.walk(tree):
-        names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names = [f"{node.module}.{a.name}" for a in node.names]
-        found += [(name, node in tree.body) for name in names]
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute here"
+            found += [(f"{node.module}.{alias.name}", node) for alias in node.names]
     return found
 
 
-def rank(part: str) -> int:
-    for i, layer in enumerate(LAYERS):
-        if part in layer:
-            return i
-    raise AssertionError(f"cosim.{part} has no layer: name it in tests/test_layers.py")
+def arrows(name: str) -> set[str]:
+    """Files of this project that a file imports."""
+    found = set()
+    for what, _ in imports(MODULES[name]):
+        target = what if what in MODULES else what.rpartition(".")[0]
+        if target in MODULES and target != name:
+            found.add(target)
+    return found
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_imports_point_downwards(path):
-    here = part_of(name_of(path))
-    for name, _ in imports(path):
-        if not name.startswith("cosim."):
-            continue
-        words = name.split(".")[1:]
-        there = part_of(".".join(words[:2]))
-        if there == here or (here, there) in PAGES or (here, there) == ("master", "fmu"):
-            continue
-        assert rank(there) <= rank(here), f"{name_of(path)} imports {name}"
+def room(name: str) -> str:
+    """The folder of a file; `cosim` itself holds `errors` and `signals`, on which everything stands."""
+    return name if (ROOT / name.replace(".", "/")).is_dir() else name.rpartition(".")[0]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_heavy_packages_have_one_home(path):
-    for name, _ in imports(path):
-        homes = HEAVY.get(name.partition(".")[0])
-        assert homes is None or name_of(path) in homes, f"{name_of(path)} imports {name}"
+def in_order(graph: Mapping[str, set[str]]) -> list[str]:
+    """The nodes, imported ones first. Fails with the circle where there is one."""
+    try:
+        return list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        raise AssertionError(f"a circle of imports: {' -> '.join(error.args[1])}") from None
 
 
-@pytest.mark.parametrize("path", COMMANDS, ids=name_of)
-def test_commands_import_nothing_heavy_at_the_top(path):
-    light = {
-        "typer",
-        "cosim",
-        "pathlib",
-        "sys",
-        "os",
-        "gc",
-        "atexit",
-        "typing",
-        "enum",
-        "collections",
-        "functools",
-        "importlib",
-        "json",
-        "re",
-        "math",
-        "attrs",
-        "itertools",
-    }
-    heavy = {name for name, top in imports(path) if top and name.partition(".")[0] not in light}
+def test_no_circle_between_files():
+    assert len(in_order({name: arrows(name) for name in MODULES})) == len(MODULES)
+
+
+def test_rooms_and_floors():
+    graph: dict[str, set[str]] = defaultdict(set)
+    for name in MODULES:
+        if name not in FACE and room(name) != "build_fmus":
+            graph[room(name)] |= {room(other) for other in arrows(name) if other not in FACE} - {room(name)}
+    floors: dict[str, int] = {}
+    for place in in_order(graph):
+        floors[place] = 1 + max((floors[below] for below in graph[place]), default=0)
+    rooms = {floor: sorted(place for place in floors if floors[place] == floor) for floor in set(floors.values())}
+    print(f"\n{len(floors)} rooms on {len(rooms)} floors")
+    for floor in sorted(rooms, reverse=True):
+        print(f"  floor {floor:2d}: {', '.join(rooms[floor])}")
+    assert len(floors) <= MOST_ROOMS
+    assert len(rooms) <= MOST_FLOORS
+
+
+@pytest.mark.parametrize("name", COSIM)
+def test_heavy_packages_have_one_home(name):
+    for what, _ in imports(MODULES[name]):
+        homes = HEAVY.get(what.partition(".")[0])
+        assert homes is None or name in homes or room(name) in homes, f"{name} imports {what}"
+
+
+def test_the_homes_of_heavy_packages_are_there():
+    assert not {home for homes in HEAVY.values() for home in homes} - set(MODULES)
+
+
+@pytest.mark.parametrize("name", [n for n in COSIM if n.startswith("cosim.cli") or n in FACE])
+def test_commands_and_the_public_api_import_nothing_heavy_at_the_top(name):
+    tree = MODULES[name]
+    heavy = {what for what, node in imports(tree) if node in tree.body and what.partition(".")[0] not in LIGHT}
     assert not heavy
 
 
 def test_the_builder_does_not_know_cosim():
-    for path in (ROOT / "build_fmus").rglob("*.py"):
-        assert not [name for name, _ in imports(path) if name.partition(".")[0] == "cosim"]
+    for path, tree in BUILDER.items():
+        assert not [what for what, _ in imports(tree) if what.partition(".")[0] == "cosim"], path
 
 
 def test_no_module_is_named_for_nothing():
     banned = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
-    assert not [p for p in MODULES if p.stem in banned]
+    assert not [name for name in MODULES if name.rpartition(".")[2] in banned]
+
+
+def classes() -> dict[str, list[str]]:
+    """Class names without leading underscores, in lower case, and where they stand: package, builder and tests."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for folder in ("cosim", "build_fmus", "tests"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            tree = FILES.get(path) or BUILDER.get(path) or ast.parse(path.read_text(encoding="utf-8"))
+            for node in ast.walk(tree):
+                if isinstance(node, ast.ClassDef):
+                    place = f"{path.relative_to(ROOT)}:{node.lineno}"
+                    found[node.name.lstrip("_").lower()].append(f"{place} {node.name}")
+    return found
+
+
+def test_a_class_name_stands_for_one_thing():
+    assert len(classes()) > 200
+    assert not {name: places for name, places in classes().items() if len(places) > 1}
+
+
+def test_names_are_those_of_the_field():
+    """No word of the theatre or the office for a part of a program; an FMU instance is no slave."""
+    banned = ("slave", "desk", "seat", "board", "staff", "stage", "bench", "carryout")
+    assert not [place for name, places in classes().items() for place in places if any(word in name for word in banned)]

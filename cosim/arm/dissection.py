@@ -15,7 +15,7 @@ def _array():
 
 
 @frozen
-class Motion:
+class ArmMotion:
     """A motion of the joints: time (n,) [s], q, dq, ddq (n, 3) [rad, rad/s, rad/s^2]."""
 
     time: np.ndarray = _array()
@@ -35,12 +35,12 @@ class Waves:
     amplitude: np.ndarray = _array()
     phase: np.ndarray = _array()
 
-    def motion(self, time: np.ndarray) -> Motion:
+    def motion(self, time: np.ndarray) -> ArmMotion:
         """The motion at `time` (n,) [s] with its exact derivatives."""
         angle = time[:, None, None] * self.frequency + self.phase
         sine, cosine = self.amplitude * np.sin(angle), self.amplitude * np.cos(angle)
         q = self.centre + sine.sum(axis=-1)
-        return Motion(time, q, (self.frequency * cosine).sum(axis=-1), -(self.frequency**2 * sine).sum(axis=-1))
+        return ArmMotion(time, q, (self.frequency * cosine).sum(axis=-1), -(self.frequency**2 * sine).sum(axis=-1))
 
     def scaled(self, factors: np.ndarray) -> "Waves":
         """The same waves with each joint's amplitudes times a factor (joints,)."""
@@ -51,7 +51,7 @@ CENTRE = (0.0, 0.35, 0.45)
 """A pose [rad] well inside box and linkage."""
 
 
-def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, workspace: Workspace = LINKED) -> Motion:
+def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, workspace: Workspace = LINKED) -> ArmMotion:
     """Free motion like the one of Taati 4.1: ten sinusoids of 0.11 to 5 rad/s a joint, no joint faster than `peak`
     [rad/s].
 
@@ -76,9 +76,9 @@ def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, work
     return waves.scaled((1.0, low, low)).motion(time)
 
 
-def sampled_motion(time: np.ndarray, q: np.ndarray, dq: np.ndarray) -> Motion:
+def sampled_motion(time: np.ndarray, q: np.ndarray, dq: np.ndarray) -> ArmMotion:
     """A recorded or simulated motion: ddq by second-order differences of dq (n, 3), so dq has to be smooth."""
-    return Motion(time, q, dq, np.gradient(dq, time, axis=0, edge_order=2))
+    return ArmMotion(time, q, dq, np.gradient(dq, time, axis=0, edge_order=2))
 
 
 @frozen
@@ -101,7 +101,7 @@ class Dissection:
         return size / size.sum(axis=0)
 
 
-def dissect(params: ParameterSet, motion: Motion) -> Dissection:
+def dissect(params: ParameterSet, motion: ArmMotion) -> Dissection:
     """The five terms of M ddq + C dq + N + viscous + Coulomb along a motion (free: no tip force); Coulomb with
     sgn(dq).
     """

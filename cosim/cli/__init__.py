@@ -31,8 +31,12 @@ _REPEATED = ("--test", "--platform")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it; our matrices are small, a second thread only waits
-    gc.set_threshold(10_000)  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command,
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # numpy reads it; our matrices are small, a second thread only waits
+    gc.set_threshold(
+        10_000
+    )  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command,
     atexit.register(gc.freeze)  # and a tenth once more at its end
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
@@ -60,9 +64,12 @@ def _app(name: str | None, debug: bool):
     import typer
 
     app = typer.Typer(
-        add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True, rich_markup_mode=None,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        no_args_is_help=True,
+        rich_markup_mode=None,
         help="Co-simulation of haptic teleoperation. Every command: --help, --debug (show tracebacks).",
-    )  # fmt: skip
+    )
     app.callback()(_nothing)
     if name is None:
         for command, help_line in COMMANDS.items():

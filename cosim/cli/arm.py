@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from cosim.arm.counterbalance import GIMBAL, LEVER, Attachment, Counterweights, balancing_weights
-from cosim.arm.dissection import TERMS, Dissection, Motion, dissect, random_motion, sampled_motion
+from cosim.arm.dissection import TERMS, ArmMotion, Dissection, dissect, random_motion, sampled_motion
 from cosim.arm.parameters import SET_NAMES, Mounting, ParameterSet, mounted, parameter_set, with_payload
 from cosim.arm.workspace import LINKED, Definiteness, definiteness
-from cosim.cli import arm_sections as sections
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.report import Report, write_report
+from cosim.report import arm as sections
+from cosim.report.html import Report, write_report
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
 
@@ -108,9 +108,9 @@ def _arm(name: str, mounting: Mounting | None, payload: float) -> ParameterSet:
     return with_payload(params, payload) if payload else params
 
 
-def _motion_of(path: Path, component: str) -> Motion:
+def _motion_of(path: Path, component: str) -> ArmMotion:
     """The motion of one arm in a result file. Raises InputError where it is not in there."""
-    from cosim.results import read_h5
+    from cosim.results.files import read_h5
 
     result = read_h5(path)
     arms = sorted(name.removesuffix(".dq[3]") for name in result.signals if name.endswith(".dq[3]"))

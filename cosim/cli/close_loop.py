@@ -8,10 +8,14 @@ import typer
 
 
 def command(
-    data: Annotated[list[Path], typer.Argument(help="Recordings (CSV, Parquet, MAT); a .toml of the same stem describes them.")],
+    data: Annotated[
+        list[Path], typer.Argument(help="Recordings (CSV, Parquet, MAT); a .toml of the same stem describes them.")
+    ],
     test: Annotated[list[Path] | None, typer.Option(help="Recordings that are held out.")] = None,
     description: Annotated[Path | None, typer.Option(help="Description file (CONTRACT.md, measured data).")] = None,
-    effects: Annotated[Path | None, typer.Option(help="effects.toml of an earlier pass: the search starts from it.")] = None,
+    effects: Annotated[
+        Path | None, typer.Option(help="effects.toml of an earlier pass: the search starts from it.")
+    ] = None,
     effect_file: Annotated[list[Path] | None, typer.Option(help="Python file with effects of your own.")] = None,
     replay: Annotated[bool, typer.Option(help="Replay the experiment with the FMUs.")] = True,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("close-loop"),
@@ -20,9 +24,10 @@ def command(
     from cosim.cli.folder import made
     from cosim.closure import effects_file
     from cosim.closure.closure import Options, close_loop
-    from cosim.closure.output import sentence, write
+    from cosim.closure.document import sentence
     from cosim.effects import library
     from cosim.measured import read
+    from cosim.report.closure import save
 
     known = library(effect_file or ())
     recording = read(data, test or (), description)
@@ -30,7 +35,7 @@ def command(
     made(out)
     closure = close_loop(recording, Options(effects=known, previous=previous, replayed=replay, progress=_tell))
     _tell("writing the results")
-    closure = write(closure, out)
+    closure = save(closure, out)
     for text in closure.warnings:
         print(f"warning: {text}", file=sys.stderr)
     print(sentence(closure))

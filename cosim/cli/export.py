@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -11,9 +11,13 @@ from cosim.cli.run import DEMONSTRATION
 
 def command(
     scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
-    platform: Annotated[Optional[list[str]], typer.Option(help="platform of the binaries, FMI 3 name; may be repeated; `all`")] = None,
-    set_: Annotated[Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")] = None,
-    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    platform: Annotated[
+        list[str] | None, typer.Option(help="platform of the binaries, FMI 3 name; may be repeated; `all`")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
+    ] = None,
+    effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     out: Annotated[Path, typer.Option(help="folder to write to")] = Path("export"),
 ) -> None:
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""

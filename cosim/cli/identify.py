@@ -1,7 +1,7 @@
 """`cosim identify`: parameters, intervals and errors from measured data."""
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -10,17 +10,17 @@ def command(
     data: Annotated[
         list[Path], typer.Argument(help="recordings: CSV, Parquet, MAT, or result.h5 of scenario identification")
     ],
-    test: Annotated[Optional[list[Path]], typer.Option(help="recordings that are held out")] = None,
+    test: Annotated[list[Path] | None, typer.Option(help="recordings that are held out")] = None,
     description: Annotated[
-        Optional[Path], typer.Option(help="what the columns are (TOML); default: beside the data")
+        Path | None, typer.Option(help="what the columns are (TOML); default: beside the data")
     ] = None,
     out: Annotated[Path, typer.Option(help="folder for identification.json and report.html")] = Path("out/identify"),
     cutoff: Annotated[
-        Optional[float], typer.Option(help="low-pass over both sides [Hz]; default: 12 times the motion's band")
+        float | None, typer.Option(help="low-pass over both sides [Hz]; default: 12 times the motion's band")
     ] = None,
-    velocity_cutoff: Annotated[Optional[float], typer.Option(help="low-pass before differentiation [Hz]")] = None,
+    velocity_cutoff: Annotated[float | None, typer.Option(help="low-pass before differentiation [Hz]")] = None,
     smooth_sign: Annotated[
-        Optional[float], typer.Option(help="keep all rows, sign of dq smoothed over this speed")
+        float | None, typer.Option(help="keep all rows, sign of dq smoothed over this speed")
     ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Huber weights against outliers")] = False,
     physical: Annotated[
@@ -37,8 +37,8 @@ def command(
     from cosim.identify.idim import idim
     from cosim.identify.method import adjusted, suggested
     from cosim.measured import read
-    from cosim.plots.identify_report import page, verdict
-    from cosim.report import write_report
+    from cosim.report.html import write_report
+    from cosim.report.identify import page, verdict
 
     print(f"reading {len(data) + len(test or [])} file(s)", file=sys.stderr)
     recording = read(data, test or (), description)

@@ -7,8 +7,8 @@ def command() -> None:
 
     from cosim.scenario import shipped
 
-    for folder, heading in (("scenarios", "scenarios (cosim run NAME)"), ("sweeps", "sweeps (cosim sweep NAME)")):
-        paths = shipped(folder)
+    for room, heading in (("scenario", "scenarios (cosim run NAME)"), ("sweep", "sweeps (cosim sweep NAME)")):
+        paths = shipped(room)
         if not paths:
             continue
         print(heading)

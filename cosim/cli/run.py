@@ -29,14 +29,14 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """One co-simulation: summary.json, result.h5, report.html."""
-    from cosim.apart import runner
     from cosim.cli.folder import made
+    from cosim.engine.isolation import runner
     from cosim.fmu import open_system
-    from cosim.judging import judged_run
+    from cosim.stability.twin import judged_run
 
     wiring = prepare(scenario, set_ or [], effects)
     folder = made(out or Path("results") / wiring.scenario.name)
-    with open_system(wiring.scenario) as system, meter(wiring.scenario.name) as progress:
+    with open_system(wiring.scenario) as system, RunMeter(wiring.scenario.name) as progress:
         judged = judged_run(wiring.scenario, system, progress, simulate=runner(wiring.scenario))
     lost = _write(judged, folder, export or [], report)
     print(_spoken(judged, folder))
@@ -79,7 +79,7 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-class meter:
+class RunMeter:
     """A progress bar with the real-time factor on stderr, where that is a terminal; else nothing."""
 
     def __init__(self, name: str) -> None:
@@ -133,7 +133,7 @@ def _write(judged, folder: Path, exports: list[Export], report: bool) -> list[st
 
 def _files(judged, exports: list[Export], report: bool) -> dict[str, Callable[[Path], object]]:
     """The names of a run's files with what writes each."""
-    from cosim.results import export_csv, export_mat, write_h5
+    from cosim.results.files import export_csv, export_mat, write_h5
 
     files = {"result.h5": lambda path: write_h5(judged.result, path)}
     for kind in exports:
@@ -145,8 +145,8 @@ def _files(judged, exports: list[Export], report: bool) -> dict[str, Callable[[P
 
 
 def _write_report(judged, path: Path) -> None:
-    from cosim.plots.run import run_report
-    from cosim.report import write_report
+    from cosim.report.html import write_report
+    from cosim.report.run import run_report
 
     write_report(run_report(judged), path)
 
@@ -154,7 +154,7 @@ def _write_report(judged, path: Path) -> None:
 def _write_summary(judged, path: Path) -> None:
     import json
 
-    from cosim.summary import summary
+    from cosim.results.summary import summary
 
     text = json.dumps(summary(judged), indent=2, ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")
@@ -162,7 +162,7 @@ def _write_summary(judged, path: Path) -> None:
 
 def _spoken(judged, folder: Path) -> str:
     """The summary for the terminal."""
-    from cosim.summary import simulated_time
+    from cosim.results.summary import simulated_time
 
     result, experiment = judged.result, judged.result.scenario.experiment
     lines = [f"{result.scenario.name}: {judged.outcome.value}: {judged.outcome.advice}"]

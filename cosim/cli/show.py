@@ -25,15 +25,26 @@ def _lines(wiring) -> list[str]:
     lines = [f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name]
     lines += scenario.description.splitlines()
     lines += ["", f"algorithm   {experiment.algorithm.value}, {experiment.extrapolation.value} inputs"]
-    lines += [f"steps       {experiment.steps} of {experiment.step * 1e3:g} ms, {experiment.stop:g} s, every "
-              f"{_nth(experiment.record_every)} recorded"]  # fmt: skip
+    lines += [
+        f"steps       {experiment.steps} of {experiment.step * 1e3:g} ms, {experiment.stop:g} s, every "
+        f"{_nth(experiment.record_every)} recorded"
+    ]
     lines += [f"order       {' → '.join(wiring.order)}", "", "components"]
     lines += _columns(
         [(n, wiring.descriptions[n].model, _step(scenario, n), _starts(wiring, n)) for n in scenario.components]
     )
     lines += ["", "connections                       (age: mean delay that the stepping adds; negative: ahead)"]
-    lines += _columns([(str(h.connection), f"[{h.unit}]" + (f" x {h.size}" if h.size > 1 else ""), _ms(h.age),
-                        "line" if h.linear else "hold") for h in wiring.hops])  # fmt: skip
+    lines += _columns(
+        [
+            (
+                str(h.connection),
+                f"[{h.unit}]" + (f" x {h.size}" if h.size > 1 else ""),
+                _ms(h.age),
+                "line" if h.linear else "hold",
+            )
+            for h in wiring.hops
+        ]
+    )
     lines += _directions(wiring)
     if wiring.notes:
         lines += ["", "notes", *(f"  {note}" for note in wiring.notes)]

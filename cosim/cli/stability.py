@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -10,27 +10,27 @@ import typer
 def command(
     scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")],
     set_: Annotated[
-        Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,
     pose: Annotated[
-        Optional[str], typer.Option(help="joint angles q1,q2,q3 [rad] of both arms (default: the scenario's start)")
+        str | None, typer.Option(help="joint angles q1,q2,q3 [rad] of both arms (default: the scenario's start)")
     ] = None,
     out: Annotated[
-        Optional[Path], typer.Option(help="folder for the results (default: results/SCENARIO-stability)")
+        Path | None, typer.Option(help="folder for the results (default: results/SCENARIO-stability)")
     ] = None,
-    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html."""
-    from cosim.cli.run import meter, prepare
     from cosim.cli.folder import made
+    from cosim.cli.run import RunMeter, prepare
     from cosim.fmu import open_system
     from cosim.stability.linearisation import at_pose
 
     wiring = prepare(scenario, set_ or [], effects)
     chosen = at_pose(wiring.scenario, _pose(pose))
     folder = made(out or Path("results") / f"{chosen.name}-stability")
-    with open_system(chosen) as system, meter(chosen.name) as progress:
+    with open_system(chosen) as system, RunMeter(chosen.name) as progress:
         found, loop = compare(chosen, system, progress)
     _write(found, loop, folder, report)
     print(_spoken(found, folder))
@@ -58,12 +58,12 @@ def compare(scenario, system, progress=None):
     """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
     from functools import partial
 
-    from cosim.apart import called, runner
-    from cosim.judging import judged_run
+    from cosim.engine.isolation import called, runner
     from cosim.stability.assessment import boundary, plant_ports, theory
     from cosim.stability.document import Comparison
     from cosim.stability.linearisation import linearise
     from cosim.stability.margin import margins
+    from cosim.stability.twin import judged_run
 
     wiring = system.wiring(scenario)
     loop = called(partial(linearise, scenario, system), scenario, system, "the loop was linearised")
@@ -81,8 +81,8 @@ def _write(found, loop, folder: Path, report: bool) -> None:
     from cosim.stability.document import document
 
     if report:
-        from cosim.plots.stability import stability_report
-        from cosim.report import write_report
+        from cosim.report.html import write_report
+        from cosim.report.stability import stability_report
 
         write_report(stability_report(found, loop), folder / "report.html")
     text = json.dumps(document(found), indent=2, ensure_ascii=False, allow_nan=False)

@@ -3,40 +3,38 @@
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
 
 def command(
     spec: Annotated[str, typer.Argument(help="name of a shipped sweep, or a TOML file")],
-    workers: Annotated[Optional[int], typer.Option(min=1, help="worker processes (default: one a core)")] = None,
-    dask: Annotated[
-        Optional[str], typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")
-    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="worker processes (default: one a core)")] = None,
+    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")] = None,
     out: Annotated[
-        Optional[Path], typer.Option(help="folder for the results (default: results/SPEC); the same again: resumes")
+        Path | None, typer.Option(help="folder for the results (default: results/SPEC); the same again: resumes")
     ] = None,
     set_: Annotated[
-        Optional[list[str]], typer.Option("--set", metavar="PATH=VALUE", help="change a fixed value; may be repeated")
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a fixed value; may be repeated")
     ] = None,
-    effects: Annotated[Optional[Path], typer.Option(help="effects file of close-loop")] = None,
+    effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
     from cosim.cli.folder import made
-    from cosim.sweep.campaign import carry_out, first_point, task_of
+    from cosim.sweep.campaign import first_point, run_sweep, task_of
     from cosim.sweep.evaluate import check, origin
 
     sweep = _prepared(spec, set_ or [], effects)
     folder = made(out or Path("results") / sweep.name)
     how = check(task_of(sweep), first_point(sweep))
     print(f"{sweep.name}: {how}", file=sys.stderr)
-    staff, words = _staff(workers, dask)
+    pool, words = _pool(workers, dask)
     try:
-        with staff, _meter(sweep.name) as tell:
+        with pool, _PointsMeter(sweep.name) as tell:
             source = origin(task_of(sweep), first_point(sweep))
-            campaign = carry_out(sweep, folder, staff, f"{how}; {words}", tell=tell, origin=source)
+            campaign = run_sweep(sweep, folder, pool, f"{how}; {words}", tell=tell, origin=source)
     except KeyboardInterrupt:
         print(
             f"interrupted; what was computed is kept in {folder}: run the same command again to go on", file=sys.stderr
@@ -57,7 +55,7 @@ def _prepared(spec: str, overrides: list[str], effects: Path | None):
     return evolve(sweep, set=fixed, effects=str(effects.resolve()) if effects else sweep.effects)
 
 
-def _staff(workers: int | None, dask: str | None):
+def _pool(workers: int | None, dask: str | None):
     """Who works, and that in words."""
     if dask:
         from cosim.sweep.cluster import DaskPool
@@ -69,7 +67,7 @@ def _staff(workers: int | None, dask: str | None):
     return LocalPool(count), f"{count} local process{'es' if count > 1 else ''}"
 
 
-class _meter:
+class _PointsMeter:
     """Points, rate and time left on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
 
     def __init__(self, name: str) -> None:
@@ -80,8 +78,13 @@ class _meter:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
 
-            self.bar = Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"),
-                                console=Console(stderr=True), transient=True)  # fmt: skip
+            self.bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[words]}"),
+                console=Console(stderr=True),
+                transient=True,
+            )
             self.bar.start()
             self.task = self.bar.add_task(self.name, words="")
         return self.tell
@@ -105,7 +108,7 @@ def _write(campaign, folder: Path, report: bool) -> None:
     """Table, report, and summary.json last, so that it stands for a complete folder."""
     import json
 
-    from cosim.results import write_table
+    from cosim.results.files import write_table
     from cosim.sweep.table import columns, summary, units
 
     write_table(
@@ -115,8 +118,8 @@ def _write(campaign, folder: Path, report: bool) -> None:
         folder / "sweep.h5",
     )
     if report:
-        from cosim.plots.sweep import sweep_report
-        from cosim.report import write_report
+        from cosim.report.html import write_report
+        from cosim.report.sweep import sweep_report
 
         write_report(sweep_report(campaign), folder / "report.html")
     text = json.dumps(summary(campaign), indent=2, ensure_ascii=False, allow_nan=False)

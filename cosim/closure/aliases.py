@@ -1,36 +1,44 @@
-"""What the data cannot tell from a chosen effect: other candidates in its place whose unseen error lies within one standard error."""
+"""What the data cannot tell from a chosen effect: other candidates in its place whose unseen error lies within one
+standard error.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.candidates import screen
-from cosim.closure.dependence import in_place
-from cosim.closure.evidence import Evidence, relative_error, student, weigh
-from cosim.closure.model import Model, with_choices
-from cosim.closure.selection import Rule, polished
-from cosim.closure.unnamed import Dependence, faults, other_laws
+from cosim.closure.model.candidates import screen
+from cosim.closure.model.model import Model, with_choices
+from cosim.closure.model.unnamed import Dependence, faults, other_laws
+from cosim.closure.score.dependence import in_place
+from cosim.closure.score.evidence import EffectEvidence, relative_error, student, weigh
+from cosim.closure.score.selection import Rule, polished
 from cosim.effects import Effect
 
 LISTED = 2  # alternatives named beside an effect; more are told in its evidence
 NEAR = 1.0  # standard errors
-REACHED = 0.92  # share of the chosen effect's gain from which on a rival counts as not told apart: the rest is form, not evidence
+# share of the chosen effect's gain from which on a rival counts as not told apart: the rest is form, not evidence
+REACHED = 0.92
 
 
 @frozen(eq=False)
 class Rival:
-    """Another effect in the place of a chosen one: the fit with it, how much worse (in standard errors of the blocks), and the share
+    """Another effect in the place of a chosen one: the fit with it, how much worse (in standard errors of the blocks),
+    and the share
     of the chosen effect's gain that it reaches.
     """
 
-    evidence: Evidence
+    evidence: EffectEvidence
     worse: float
     reached: float
 
 
-def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int) -> tuple[Evidence, tuple[Rival, ...]]:
-    """Evidence for choice `number` beside the others, and its rivals, closest first (also those that the data do tell apart)."""
+def rivals(
+    model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int
+) -> tuple[EffectEvidence, tuple[Rival, ...]]:
+    """Evidence for choice `number` beside the others, and its rivals, closest first (also those that the data do tell
+    apart).
+    """
     choice = model.choices[number]
     rest = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k != number), passes=1)
     touched = set(model.columns[number])
@@ -41,18 +49,25 @@ def rivals(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tri
     out = []
     for candidate in candidates:
         key = candidate.choice.key
-        if key[0] == choice.effect.name or not touched & set(key[1]) or candidate.gain < least * _share(rest, choice, key[1]):
+        if (
+            key[0] == choice.effect.name
+            or not touched & set(key[1])
+            or candidate.gain < least * _share(rest, choice, key[1])
+        ):
             continue
         other = _replaced(model, number, candidate.choice, rest, trials, candidate)
         if not rule.refusal(other):
             if choice.effect.related(candidate.choice.effect):
-                other = evolve(other, model=polished(other.model, chosen.model.weight))  # the chosen one has a friction law of its own as well
+                other = evolve(
+                    other, model=polished(other.model, chosen.model.weight)
+                )  # the chosen one has a friction law of its own as well
             out.append(Rival(other, _worse(chosen, other), _reached(rest, chosen, other)))
     return chosen, tuple(sorted(out, key=lambda rival: rival.worse))
 
 
 def nameless_rival(model: Model, number: int) -> Dependence | None:
-    """What has no name and does as well as choice `number` in its place: another law of the effect's signal, or a fault of drive or
+    """What has no name and does as well as choice `number` in its place: another law of the effect's signal, or a fault
+    of drive or
     encoder, which may also take the place of all choices of its joint. The best of them; None if none does as well.
     """
     (joint, *further), own = model.acting(number), model.choices[number]
@@ -75,24 +90,28 @@ def _errors(model: Model, joint: int) -> np.ndarray:
 
 
 def _share(model: Model, choice, joints: tuple[int, ...]) -> float:
-    """How much of the squared error of `joints` lies on the joints of the choice: gains are shares of different errors."""
+    """How much of the squared error of `joints` lies on the joints of the choice: gains are shares of different
+    errors.
+    """
     error = model.joint_error()[0].sum(axis=0)
     own, other = error[list(choice.joints)].sum(), error[list(joints)].sum()
     return float(min(own / max(other, 1e-300), 1.0))
 
 
-def _replaced(model: Model, number: int, choice, rest: Model, trials: int, candidate) -> Evidence:
-    from cosim.closure.candidates import Candidate
+def _replaced(model: Model, number: int, choice, rest: Model, trials: int, candidate) -> EffectEvidence:
+    from cosim.closure.model.candidates import Candidate
 
     return weigh(rest, candidate or Candidate(choice, 0.0, np.zeros(0), 1), trials, passes=2)
 
 
-def _worse(chosen: Evidence, other: Evidence) -> float:
-    """Mean difference of squared error per block over its standard error, all blocks, each with a fit that has not seen it."""
+def _worse(chosen: EffectEvidence, other: EffectEvidence) -> float:
+    """Mean difference of squared error per block over its standard error, all blocks, each with a fit that has not seen
+    it.
+    """
     return student(other.model.fit.sse.sum(axis=1) - chosen.model.fit.sse.sum(axis=1))
 
 
-def _reached(rest: Model, chosen: Evidence, other: Evidence) -> float:
+def _reached(rest: Model, chosen: EffectEvidence, other: EffectEvidence) -> float:
     """Gain of the other over gain of the chosen, all fitted blocks left out in turn."""
     without, own, rival = (float(m.joint_error()[0].sum()) for m in (rest, chosen.model, other.model))
     return (without - rival) / max(without - own, 1e-300)

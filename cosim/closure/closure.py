@@ -6,15 +6,15 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.closure import effects_file
-from cosim.closure.dependence import beyond_noise
-from cosim.closure.errors import TorqueError, torque_error
-from cosim.closure.floor import floor
-from cosim.closure.model import Choice, Model, complete, with_choices
-from cosim.closure.motion import prepare, thinned
+from cosim.closure.data.motion import prepare, thinned
+from cosim.closure.data.setting import formulate
+from cosim.closure.model.model import ChosenEffect, Model, complete, with_choices
 from cosim.closure.refusal import circular, motion_refusals
-from cosim.closure.selection import Rule, Selection, polished, select
-from cosim.closure.setting import pose
-from cosim.closure.verdict import Answer, Finding, Verdict, intervals, judge
+from cosim.closure.score.dependence import beyond_noise
+from cosim.closure.score.errors import TorqueError, torque_error
+from cosim.closure.score.floor import floor
+from cosim.closure.score.selection import Rule, Selection, polished, select
+from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
 from cosim.measured import Recording
 
@@ -28,17 +28,19 @@ class Options:
 
     rule: Rule = Rule()
     effects: tuple[Effect, ...] = field(factory=library)
-    previous: tuple[Choice, ...] = ()
+    previous: tuple[ChosenEffect, ...] = ()
     replayed: bool = True
     progress: Callable[[str], None] = lambda text: None
 
 
 @frozen(eq=False)
 class Closure:
-    """Everything that was found. `before`: the model at the start (with the effects of an earlier pass), None where refused early."""
+    """Everything that was found. `before`: the model at the start (with the effects of an earlier pass), None where
+    refused early.
+    """
 
     recording: Recording
-    verdict: Verdict
+    verdict: ClosureVerdict
     before: Model | None = None
     selection: Selection | None = None
     error: TorqueError | None = None
@@ -60,7 +62,7 @@ def close_loop(recording: Recording, options: Options = Options()) -> Closure:
     if any(r.joint == 0 for r in refusals):
         return _refused(recording, refusals)
     tell("fitting the complete model")
-    before = complete(pose(recording, motion, rows))
+    before = complete(formulate(recording, motion, rows))
     refusals += circular(before)
     if refusals:
         return _refused(recording, refusals, before)
@@ -74,24 +76,39 @@ def close_loop(recording: Recording, options: Options = Options()) -> Closure:
 
 def _refused(recording: Recording, refusals, before: Model | None = None) -> Closure:
     texts = [f"joint {r.joint}: {r.reason}" if r.joint else r.reason for r in refusals]
-    return Closure(recording, Verdict(Answer.REFUSED, warnings=texts), before, warnings=(*texts, *recording.warnings))
+    return Closure(
+        recording, ClosureVerdict(Answer.REFUSED, warnings=texts), before, warnings=(*texts, *recording.warnings)
+    )
 
 
-def _completed(recording: Recording, before: Model, selection: Selection, verdict: Verdict, options: Options) -> Closure:
+def _completed(
+    recording: Recording, before: Model, selection: Selection, verdict: ClosureVerdict, options: Options
+) -> Closure:
     """Errors, floor, replay and warnings around the verdict."""
     verdict = _no_worse(verdict, before)
     verdict = _without_names(verdict, before, torque_error(before, verdict.best))
     error = torque_error(before, verdict.best)
     values, own = [_values(recording, m) for m in (before, verdict.model)], _of_effects(verdict.model)
     closure = Closure(
-        recording, verdict, before, selection, error, floor(before), None, values[0], values[1],
-        effects_file.start_values(own, recording.device), (*recording.warnings, *_warnings(before, verdict), *_ended(selection)),
-    )  # fmt: skip
+        recording,
+        verdict,
+        before,
+        selection,
+        error,
+        floor(before),
+        None,
+        values[0],
+        values[1],
+        effects_file.start_values(own, recording.device),
+        (*recording.warnings, *_warnings(before, verdict), *_ended(selection)),
+    )
     return _replayed(closure, options) if options.replayed else closure
 
 
-def _no_worse(verdict: Verdict, before: Model) -> Verdict:
-    """Nothing is added that makes held-out rows of its joints worse, with reversals and without; no names that make them no better."""
+def _no_worse(verdict: ClosureVerdict, before: Model) -> ClosureVerdict:
+    """Nothing is added that makes held-out rows of its joints worse, with reversals and without; no names that make
+    them no better.
+    """
     if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=verdict.model)
     earlier, new = ([f for f in verdict.findings if f.earlier is kind] for kind in (True, False))
@@ -101,7 +118,9 @@ def _no_worse(verdict: Verdict, before: Model) -> Verdict:
         withdrawn = (*verdict.withdrawn, *((f, text) for f in new))
         missing = verdict.leftovers or _worse(error, joints) or beyond_noise(before)
         answer = Answer.UNEXPLAINED if missing else Answer.COMPLETE
-        verdict = evolve(verdict, answer=answer, findings=tuple(earlier), withdrawn=withdrawn, model=before, best=before)
+        verdict = evolve(
+            verdict, answer=answer, findings=tuple(earlier), withdrawn=withdrawn, model=before, best=before
+        )
     return verdict
 
 
@@ -109,25 +128,36 @@ def _worse(error: TorqueError, joints: set[int], limit: float = 1.01) -> bool:
     """Whether the mean ratio of after to before over the joints is above a limit, with reversals and without."""
     moving = [j for j in joints if np.isfinite(error.before[j])]
     pairs = ((error.before, error.after), (error.all_before, error.all_after))
-    return bool(moving) and all(np.mean([after[j] / max(before[j], 1e-12) for j in moving]) > limit for before, after in pairs)
+    return bool(moving) and all(
+        np.mean([after[j] / max(before[j], 1e-12) for j in moving]) > limit for before, after in pairs
+    )
 
 
-def _without_names(verdict: Verdict, before: Model, error: TorqueError) -> Verdict:
+def _without_names(verdict: ClosureVerdict, before: Model, error: TorqueError) -> ClosureVerdict:
     """No names where even the best model leaves more than half of the torque of every joint."""
     least = min((e for e in error.after if np.isfinite(e)), default=0.0)
     if verdict.answer is Answer.REFUSED or least <= POOR:
         return verdict
     text = f"the model explains less than half of the held-out torque (RMS error {least:.0f} %): no effect can be named"
     withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
-    return evolve(verdict, answer=Answer.UNEXPLAINED, findings=(), withdrawn=withdrawn, model=before, best=before,
-                  warnings=(*verdict.warnings, text))  # fmt: skip
+    return evolve(
+        verdict,
+        answer=Answer.UNEXPLAINED,
+        findings=(),
+        withdrawn=withdrawn,
+        model=before,
+        best=before,
+        warnings=(*verdict.warnings, text),
+    )
 
 
 def _values(recording: Recording, model: Model) -> dict:
     """Start values of the drive's FMU for a model: rigid body, friction, effects. Empty for device "regressor".
 
-    The FMU has the algebraic law and the tanh. A sign is a very narrow algebraic law. An atan is the algebraic law of its width: its
-    slow tail fits rows in motion, and at reversals, which the fit leaves out, it is too soft (replay of EMPS, unfiltered: 4.01 % against 3.95 %).
+    The FMU has the algebraic law and the tanh. A sign is a very narrow algebraic law. An atan is the algebraic law of
+    its width: its
+    slow tail fits rows in motion, and at reversals, which the fit leaves out, it is too soft (replay of EMPS,
+    unfiltered: 4.01 % against 3.95 %).
     """
     if recording.device == "regressor":
         return {}
@@ -155,21 +185,32 @@ def _top(model: Model, joint: int) -> float:
     return float(np.percentile(np.abs(model.setting.motion.dq[:, joint]), 95))
 
 
-def _warnings(before: Model, verdict: Verdict) -> list[str]:
+def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
     out = list(verdict.warnings)
-    out += [f"{f.name} on joint(s) {', '.join(map(str, f.joints))} was withdrawn: {why}" for f, why in verdict.withdrawn]
+    out += [
+        f"{f.name} on joint(s) {', '.join(map(str, f.joints))} was withdrawn: {why}" for f, why in verdict.withdrawn
+    ]
     motion, rows = before.setting.motion, before.setting.rows
     share = 1 - rows.moving.mean(axis=0)
-    out += [f"joint {j + 1}: {100 * s:.0f} % of the rows are near a standstill or a reversal and were left out of the fit"
-            for j, s in enumerate(share) if s > 0.3]  # fmt: skip
+    out += [
+        f"joint {j + 1}: {100 * s:.0f} % of the rows are near a standstill or a reversal and were left out of the fit"
+        for j, s in enumerate(share)
+        if s > 0.3
+    ]
     if before.skew > 0:
-        out.append(f"the recorded torque acts {1e3 * before.skew:.3g} ms late ({before.skew / motion.sample:.2g} samples): taken as sampling, "
-                   "not as an effect")  # fmt: skip
+        out.append(
+            f"the recorded torque acts {1e3 * before.skew:.3g} ms late "
+            f"({before.skew / motion.sample:.2g} samples): taken as sampling, "
+            "not as an effect"
+        )
     out += _range_warnings(motion)
     lags = [f for f in verdict.findings if f.name in ("actuator_lag", "time_delay")]
     if lags:
-        out.append("a lag estimated from sampled rows holds the half sample of the held torque, which a co-simulation has by itself: "
-                   f"the replay uses it less {500 * motion.sample:.2g} ms")  # fmt: skip
+        out.append(
+            "a lag estimated from sampled rows holds the half sample of the "
+            "held torque, which a co-simulation has by itself: "
+            f"the replay uses it less {500 * motion.sample:.2g} ms"
+        )
     return out
 
 
@@ -177,12 +218,16 @@ def _ended(selection: Selection) -> list[str]:
     """Whether the search was ended while it still found something."""
     if not selection.steps or selection.steps[-1].taken is None:
         return []
-    return [f"the search ended after {len(selection.steps)} rounds, the last of which still found an effect: "
-            "another pass that starts from this one's effects.toml goes on"]  # fmt: skip
+    return [
+        f"the search ended after {len(selection.steps)} rounds, the last of which still found an effect: "
+        "another pass that starts from this one's effects.toml goes on"
+    ]
 
 
 def _range_warnings(motion) -> list[str]:
-    """Held-out rows that are faster than the fitted rows; the reader of the recording tells where their angles leave the range."""
+    """Held-out rows that are faster than the fitted rows; the reader of the recording tells where their angles leave
+    the range.
+    """
     fitted, held = np.abs(motion.dq[~motion.test]), np.abs(motion.dq[motion.test])
     if not len(held):
         return []
@@ -201,11 +246,15 @@ def _replayed(closure: Closure, options: Options) -> Closure:
 
     step = closure.before.setting.motion.sample
     try:
-        result = replay(closure.recording, without_hold(closure.values_before, step), without_hold(closure.values_after, step),
-                        closure.before.setting.motion.widths.total)  # fmt: skip
+        result = replay(
+            closure.recording,
+            without_hold(closure.values_before, step),
+            without_hold(closure.values_after, step),
+            closure.before.setting.motion.widths.total,
+        )
     except (InputError, RunError) as error:
         return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))
     return evolve(closure, replay=result, warnings=(*closure.warnings, *(result.warnings if result else ())))
 
 
-__all__ = ["Answer", "Closure", "Finding", "Options", "close_loop"]
+__all__ = ["Answer", "Closure", "NamedEffect", "Options", "close_loop"]

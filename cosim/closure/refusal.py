@@ -1,10 +1,12 @@
-"""Reasons not to judge a recording at all: no motion, too short, a torque that is a function of the state or of the model."""
+"""Reasons not to judge a recording at all: no motion, too short, a torque that is a function of the state or of the
+model.
+"""
 
 import numpy as np
 from attrs import frozen
 
-from cosim.closure.model import Model
-from cosim.closure.motion import Motion, Rows
+from cosim.closure.data.motion import FitRows, SmoothedMotion
+from cosim.closure.model.model import Model
 
 SHORTEST = 4.0  # s of fitted rows
 FEWEST_BLOCKS = 8
@@ -21,24 +23,35 @@ class Refusal:
     reason: str
 
 
-def motion_refusals(motion: Motion, rows: Rows) -> list[Refusal]:
+def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
     """No motion, none of a joint in what is fitted, too short, no torque."""
     out = []
     seconds = float((~motion.test).sum() * motion.step)
     if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
-        out.append(Refusal(0, f"too short: {seconds:.1f} s of fitted rows make {rows.train_blocks} blocks, at least {FEWEST_BLOCKS} "
-                              f"blocks and {SHORTEST:g} s are needed"))  # fmt: skip
+        out.append(
+            Refusal(
+                0,
+                f"too short: {seconds:.1f} s of fitted rows make {rows.train_blocks} blocks, at least {FEWEST_BLOCKS} "
+                f"blocks and {SHORTEST:g} s are needed",
+            )
+        )
     still = [j for j in range(motion.joints) if not _moves(motion, rows, j)]
     if len(still) == motion.joints:
         out.append(Refusal(0, "no joint moves: a residual at rest cannot be traced to an effect of motion"))
     unseen = [j for j in range(motion.joints) if j not in still and not rows.moving[~rows.test, j].any()]
-    out += [Refusal(j + 1, "it rests on all fitted rows and moves on held-out ones: hold out other rows") for j in unseen]
-    flat = [j for j in range(motion.joints) if np.ptp(motion.tau_raw[:, j]) <= 1e-9 * max(np.abs(motion.tau_raw[:, j]).max(), 1e-30)]
+    out += [
+        Refusal(j + 1, "it rests on all fitted rows and moves on held-out ones: hold out other rows") for j in unseen
+    ]
+    flat = [
+        j
+        for j in range(motion.joints)
+        if np.ptp(motion.tau_raw[:, j]) <= 1e-9 * max(np.abs(motion.tau_raw[:, j]).max(), 1e-30)
+    ]
     out += [Refusal(j + 1, "the torque is constant") for j in flat if j not in still]
     return out
 
 
-def _moves(motion: Motion, rows: Rows, joint: int) -> bool:
+def _moves(motion: SmoothedMotion, rows: FitRows, joint: int) -> bool:
     return bool(rows.moving[:, joint].mean() > 0.05 and np.ptp(motion.q[:, joint]) > 0)
 
 
@@ -77,8 +90,10 @@ def _static(model: Model, j: int) -> str:
     made = upper * float(np.std(ddq)) / scale
     if made > INERTIA:
         return ""
-    return (f"the torque is a function of the angle and the speed to {100 * share:.2g} % and inertia makes less than "
-            f"{100 * max(made, 0):.2g} % of it: it was computed from the state (circular), it did not move the joint")  # fmt: skip
+    return (
+        f"the torque is a function of the angle and the speed to {100 * share:.2g} % and inertia makes less than "
+        f"{100 * max(made, 0):.2g} % of it: it was computed from the state (circular), it did not move the joint"
+    )
 
 
 def _exact(model: Model, j: int) -> str:
@@ -88,4 +103,7 @@ def _exact(model: Model, j: int) -> str:
     share = float(np.sqrt(np.mean(model.residual[j][use] ** 2) / max(np.mean(model.target[j][use] ** 2), 1e-300)))
     if share > EXACT:
         return ""
-    return f"the model fits the torque to {100 * share:.1g} %: no measurement is that good, the torque was computed from the model (circular)"
+    return (
+        f"the model fits the torque to {100 * share:.1g} %: no measurement is that "
+        f"good, the torque was computed from the model (circular)"
+    )

@@ -2,7 +2,8 @@
 
 Recording FMUs play the reference and the feed-forward torque, a PDController FMU closes the loop around the drive:
 
-- closed loop, where a law was found in the run (`cosim.closure.law`): reference q_ref, gains of the law, feed-forward
+- closed loop, where a law was found in the run (`cosim.closure.controller`): reference q_ref, gains of the law,
+feed-forward
   what the law leaves over. Error: torque of the replay minus recorded torque.
 - guided, where there is none: reference the recorded q, feed-forward the recorded torque, a soft PD keeps the drive
   on the recorded path. Error: the torque that it needs for that.
@@ -19,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from attrs import field, frozen
 
+from cosim.closure.controller import RecordedController, difference, find_laws, injected
+from cosim.closure.data.smoothing import convolve, kernel, position_noise
 from cosim.closure.effects_file import stepped
-from cosim.closure.law import Law, difference, find_laws, injected
-from cosim.closure.smoothing import convolve, kernel, position_noise
 from cosim.errors import InputError, RunError
 from cosim.measured.recording import Recording, Run
 from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
@@ -41,7 +42,8 @@ SIDES = ("before", "after")
 
 @frozen(eq=False)
 class Replay:
-    """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2); nan for a
+    """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2); nan
+    for a
     model that could not be replayed.
 
     Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q
@@ -58,7 +60,7 @@ class Replay:
     position_before: tuple[float, ...]
     position_after: tuple[float, ...]
     runs: tuple[str, ...]
-    laws: tuple[Law | None, ...] = ()
+    laws: tuple[RecordedController | None, ...] = ()
     warnings: tuple[str, ...] = ()
     time: np.ndarray = field(default=None, repr=False)
     tau: np.ndarray = field(default=None, repr=False)
@@ -67,9 +69,10 @@ class Replay:
 
 
 @frozen(eq=False)
-class _Path:
+class _ReplayedRun:
     """What is played back to a run's loop: q_ref, feed (n, nj), and the gains kp, kd (nj,), difference,
-    velocity cutoff [Hz], limit (nj,)."""
+    velocity cutoff [Hz], limit (nj,).
+    """
 
     run: Run
     q_ref: np.ndarray
@@ -98,7 +101,10 @@ def replay(
     held = [run for run in recording.runs if run.test.any()]
     paths = [_recorded_loop(run, laws) if laws else _guided(run, before, len(recording.joints)) for run in held]
     first = min(run.time[0] for run in recording.runs)
-    runs = [_compared(recording.device, path, *(begun(x, path.run.time[0] - first) for x in (before, after))) for path in paths]
+    runs = [
+        _compared(recording.device, path, *(begun(x, path.run.time[0] - first) for x in (before, after)))
+        for path in paths
+    ]
     return _summary(runs, laws or (), width)
 
 
@@ -116,39 +122,49 @@ def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, obj
 def begun(parameters: Mapping[str, object], start: float) -> dict[str, object]:
     """Parameters of a run that begins `start` seconds into the recording: f (1 + d (start + t)) = f' (1 + d' t).
 
-    With a time constant T: f (1 + d T (1 - exp(-(start + t)/T))) = f' (1 + d' T (1 - exp(-t/T))), d' = d exp(-start/T) f / f'.
+    With a time constant T: f (1 + d T (1 - exp(-(start + t)/T))) = f' (1 + d' T (1 - exp(-t/T))), d' = d exp(-start/T)
+    f / f'.
     """
-    drift, constant = (np.asarray(parameters.get(name, 0.0), float) for name in ("friction_drift", "friction_drift_time"))
+    drift, constant = (
+        np.asarray(parameters.get(name, 0.0), float) for name in ("friction_drift", "friction_drift_time")
+    )
     finite = np.where(constant > 0, constant, 1.0)
     grown = 1 + drift * np.where(constant > 0, -finite * np.expm1(-start / finite), start)
     drift = drift * np.where(constant > 0, np.exp(-start / finite), 1.0)
-    changed = {name: np.asarray(parameters[name], float) * grown for name in ("viscous", "coulomb") if name in parameters}
+    changed = {
+        name: np.asarray(parameters[name], float) * grown for name in ("viscous", "coulomb") if name in parameters
+    }
     changed |= {"friction_drift": drift / grown}
-    return {**parameters, **{name: value.tolist() for name, value in changed.items()}} if drift.any() else dict(parameters)
+    return (
+        {**parameters, **{name: value.tolist() for name, value in changed.items()}} if drift.any() else dict(parameters)
+    )
 
 
-def _recorded_loop(run: Run, laws: Sequence[Law]) -> _Path:
+def _recorded_loop(run: Run, laws: Sequence[RecordedController]) -> _ReplayedRun:
     """The recorded reference through the recorded law; its other terms and what it leaves over are fed forward."""
     feed = np.stack([_feed(run, law, joint) for joint, law in enumerate(laws)], axis=1)
     gains = [tuple(getattr(law, name) for law in laws) for name in ("kp", "kd", "limit")]
-    return _Path(run, run.q_ref, feed, gains[0], gains[1], laws[0].samples, laws[0].cutoff, gains[2], False)
+    return _ReplayedRun(run, run.q_ref, feed, gains[0], gains[1], laws[0].samples, laws[0].cutoff, gains[2], False)
 
 
-def _feed(run: Run, law: Law, joint: int) -> np.ndarray:
+def _feed(run: Run, law: RecordedController, joint: int) -> np.ndarray:
     return law.feed(run.q_ref[:, joint], run.q[:, joint], run.step) + injected(law, run, joint)
 
 
-def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _Path:
+def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _ReplayedRun:
     """The recorded position and torque, and gains that give the drive's inertia the frequency GUIDE, well damped."""
     inertia, samples = _inertia(parameters, joints), 2
     damping = 1.4 * GUIDE * inertia
     smooth = _smoothed(run, damping)
     feed = run.tau + damping * difference(smooth, run.step, samples)
-    return _Path(run, smooth, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, 0.0, (0.0,) * joints, True)
+    return _ReplayedRun(
+        run, smooth, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, 0.0, (0.0,) * joints, True
+    )
 
 
 def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
-    """The recorded path with as little smoothing as keeps the damping quiet; mirrored through its ends, so that it does not stop there.
+    """The recorded path with as little smoothing as keeps the damping quiet; mirrored through its ends, so that it does
+    not stop there.
 
     Noise s of q makes noise s sqrt(H / (4 sqrt(pi) w^3)) of dq behind a Gaussian of width w.
     """
@@ -159,7 +175,9 @@ def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
             break
     weights = kernel(width / run.step)
     reach = len(weights) // 2
-    return convolve(np.pad(run.q, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd"), weights)[reach : reach + len(run)]
+    return convolve(np.pad(run.q, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd"), weights)[
+        reach : reach + len(run)
+    ]
 
 
 def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:
@@ -170,7 +188,7 @@ def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:
 
 
 @frozen(eq=False)
-class _Side:
+class _ReplaySide:
     """One model through one run: tau, q (n, nj), nan from where it ended; why it ended early, else ""."""
 
     tau: np.ndarray
@@ -180,12 +198,12 @@ class _Side:
 
 @frozen(eq=False)
 class _Compared:
-    path: _Path
-    before: _Side
-    after: _Side
+    path: _ReplayedRun
+    before: _ReplaySide
+    after: _ReplaySide
 
 
-def _compared(device: str, path: _Path, before: Mapping, after: Mapping) -> _Compared:
+def _compared(device: str, path: _ReplayedRun, before: Mapping, after: Mapping) -> _Compared:
     """Both plants through one run, each by itself."""
     from cosim.fmu import open_system
 
@@ -195,8 +213,8 @@ def _compared(device: str, path: _Path, before: Mapping, after: Mapping) -> _Com
             return _Compared(path, *(_played(scenario, system, path, values) for values in (before, after)))
 
 
-def _played(scenario: Scenario, system, path: _Path, parameters: Mapping) -> _Side:
-    from cosim.master import run as execute
+def _played(scenario: Scenario, system, path: _ReplayedRun, parameters: Mapping) -> _ReplaySide:
+    from cosim.engine.master import run as execute
     from cosim.scenario import with_parameters
 
     values = stepped(dict(parameters), path.run.step)
@@ -205,26 +223,29 @@ def _played(scenario: Scenario, system, path: _Path, parameters: Mapping) -> _Si
         result = execute(changed, system, record=["controller.tau", "drive.q"])
     except (InputError, RunError) as error:
         nothing = np.full_like(path.q_ref, np.nan)
-        return _Side(nothing, nothing, str(error))
+        return _ReplaySide(nothing, nothing, str(error))
     tau, q = _column(result, "controller.tau", path), _column(result, "drive.q", path)
     away = (np.abs(q - path.run.q) > np.ptp(path.run.q, axis=0).max()).any(axis=1)
     if away.any():
         first = int(np.argmax(away))
         tau[first:], q[first:] = np.nan, np.nan
-        return _Side(tau, q, _unstable(path, first * path.run.step, values))
-    return _Side(tau, q, str(result.failure or ("" if result.stopped_at is None else result.message)))
+        return _ReplaySide(tau, q, _unstable(path, first * path.run.step, values))
+    return _ReplaySide(tau, q, str(result.failure or ("" if result.stopped_at is None else result.message)))
 
 
-def _unstable(path: _Path, time: float, values: Mapping) -> str:
+def _unstable(path: _ReplayedRun, time: float, values: Mapping) -> str:
     """In words: the drive was farther from the recorded path than that is wide."""
     late = float(np.max(sum(np.asarray(values.get(name, 0.0)) for name in LAGS)))
     text = f"the loop is unstable: the drive had run away by t = {time:.3g} s"
     if path.guided and late > LATE:
-        return f"{text}, its torque comes {1e3 * late:.0f} ms late, too late for the PD of {GUIDE / (2 * np.pi):.2g} Hz that guides it"
+        return (
+            f"{text}, its torque comes {1e3 * late:.0f} ms late, too late for the "
+            f"PD of {GUIDE / (2 * np.pi):.2g} Hz that guides it"
+        )
     return f"{text}, {'the PD that guides it' if path.guided else 'the recorded law'} does not hold this model"
 
 
-def _column(result, name: str, path: _Path) -> np.ndarray:
+def _column(result, name: str, path: _ReplayedRun) -> np.ndarray:
     """A recorded signal on the rows of the run; rows that a run did not reach are nan."""
     values = result.vector(name)[:, : path.q_ref.shape[1]]
     rows = np.full_like(path.q_ref, np.nan)
@@ -232,7 +253,7 @@ def _column(result, name: str, path: _Path) -> np.ndarray:
     return rows
 
 
-def experiment(device: str, path: _Path, parameters: Mapping[str, object], folder: Path) -> Scenario:
+def experiment(device: str, path: _ReplayedRun, parameters: Mapping[str, object], folder: Path) -> Scenario:
     """The replay as a scenario: reference and feed-forward -> controller -> drive -> controller."""
     run, joints = path.run, path.q_ref.shape[1]
     names = [f"{what}{joint + 1}" for what in ("q_ref", "tau_ff") for joint in range(joints)]
@@ -253,13 +274,16 @@ def experiment(device: str, path: _Path, parameters: Mapping[str, object], folde
     }
     step = round(run.step * 1e9) / 1e9
     settings = Experiment(
-        stop=(len(run) - 1) * step, step=step, algorithm=Algorithm.GAUSS_SEIDEL, extrapolation=Extrapolation.HOLD,
+        stop=(len(run) - 1) * step,
+        step=step,
+        algorithm=Algorithm.GAUSS_SEIDEL,
+        extrapolation=Extrapolation.HOLD,
         order=("reference", "feed", "drive", "controller"),
-    )  # fmt: skip
+    )
     return Scenario("replay", settings, parts, _wires(device, joints), folder=folder)
 
 
-def _starts(path: _Path, parameters: Mapping[str, object]) -> dict[str, object]:
+def _starts(path: _ReplayedRun, parameters: Mapping[str, object]) -> dict[str, object]:
     """The drive's parameters with the recorded start; its velocity is the mean over the first rows."""
     rows = min(8, len(path.run) - 1)
     speed = (path.run.q[rows] - path.run.q[0]) / (rows * path.run.step)
@@ -268,13 +292,19 @@ def _starts(path: _Path, parameters: Mapping[str, object]) -> dict[str, object]:
     return {**parameters, **{key: value[0] if one else value for key, value in starts.items()}}
 
 
-def _gains(path: _Path) -> dict[str, object]:
+def _gains(path: _ReplayedRun) -> dict[str, object]:
     """Parameters of the PDController, three joints wide; joints that are not there have no gain."""
-    wide = lambda values: [float(v) for v in values] + [0.0] * (3 - len(values))
+
+    def wide(values):
+        return [float(v) for v in values] + [0.0] * (3 - len(values))
+
     return {
-        "kp": wide(path.kp), "kd": wide(path.kd), "torque_limit": wide(path.limit),
-        "difference_samples": path.samples, "velocity_cutoff": path.cutoff,
-    }  # fmt: skip
+        "kp": wide(path.kp),
+        "kd": wide(path.kd),
+        "torque_limit": wide(path.limit),
+        "difference_samples": path.samples,
+        "velocity_cutoff": path.cutoff,
+    }
 
 
 def _wires(device: str, joints: int) -> tuple[Connection, ...]:
@@ -291,7 +321,7 @@ def _wires(device: str, joints: int) -> tuple[Connection, ...]:
 
 
 @frozen(eq=False)
-class _Rows:
+class _ReplayedRows:
     """Torque, position and smoothed torque (n, nj) on the judged rows of all runs."""
 
     tau: np.ndarray
@@ -299,8 +329,10 @@ class _Rows:
     calm: np.ndarray
 
     @classmethod
-    def of(cls, compared: Sequence[_Compared], width: float, pick) -> "_Rows":
-        smooth = lambda c: convolve(pick(c).tau, kernel(width / c.path.run.step))
+    def of(cls, compared: Sequence[_Compared], width: float, pick) -> "_ReplayedRows":
+        def smooth(c):
+            return convolve(pick(c).tau, kernel(width / c.path.run.step))
+
         return cls(*(_judged(compared, x) for x in (lambda c: pick(c).tau, lambda c: pick(c).q, smooth)))
 
     @property
@@ -308,34 +340,49 @@ class _Rows:
         """(n,) bool: where everything is known."""
         return np.isfinite(np.column_stack((self.tau, self.q, self.calm))).all(axis=1)
 
-    def at(self, rows: np.ndarray, known: bool = True) -> "_Rows":
+    def at(self, rows: np.ndarray, known: bool = True) -> "_ReplayedRows":
         """The chosen rows; nan where nothing is to be known of them."""
-        return _Rows(*(x[rows] if known else np.full_like(x[rows], np.nan) for x in (self.tau, self.q, self.calm)))
+        return _ReplayedRows(
+            *(x[rows] if known else np.full_like(x[rows], np.nan) for x in (self.tau, self.q, self.calm))
+        )
 
 
-def _summary(compared: Sequence[_Compared], laws: tuple[Law, ...], width: float) -> Replay:
+def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...], width: float) -> Replay:
     """Errors on the judged rows that each side reached that counts. Raises RunError where none counts."""
-    sides = [_Rows.of(compared, width, attrgetter(side)) for side in SIDES]
+    sides = [_ReplayedRows.of(compared, width, attrgetter(side)) for side in SIDES]
     counts = [bool(len(side.tau)) and side.reached.mean() >= LEAST for side in sides]
     if not any(counts):
         first, second = (_reasons(compared, side) for side in SIDES)
-        why = first if first == second else [f"model {side}, {x}" for side, xs in zip(SIDES, (first, second), strict=True) for x in xs]
+        why = (
+            first
+            if first == second
+            else [f"model {side}, {x}" for side, xs in zip(SIDES, (first, second), strict=True) for x in xs]
+        )
         raise RunError("drive", None, "; ".join(why) or f"no held-out row after the first {SETTLE} s of a run")
     keep = np.all([side.reached for side, good in zip(sides, counts, strict=True) if good], axis=0)
-    recorded = _Rows.of(compared, width, lambda c: c.path.run).at(keep)
+    recorded = _ReplayedRows.of(compared, width, lambda c: c.path.run).at(keep)
     before, after = (side.at(keep, good) for side, good in zip(sides, counts, strict=True))
     size, last = max(round(BLOCK / compared[0].path.run.step), 1), compared[-1]
     shown = [getattr(last, side).tau * (1.0 if good else np.nan) for side, good in zip(SIDES, counts, strict=True)]
     errors = [_percent(side.calm, recorded.calm) for side in (before, after)]
     interval = _interval(after.calm - recorded.calm, recorded.calm, size)
     return Replay(
-        kind="guided" if compared[0].path.guided else "closed loop", before=errors[0], after=errors[1], interval=interval,
-        raw_before=_percent(before.tau, recorded.tau), raw_after=_percent(after.tau, recorded.tau),
-        position_before=_rms(before.q - recorded.q), position_after=_rms(after.q - recorded.q),
-        runs=tuple(c.path.run.name for c in compared), laws=laws,
+        kind="guided" if compared[0].path.guided else "closed loop",
+        before=errors[0],
+        after=errors[1],
+        interval=interval,
+        raw_before=_percent(before.tau, recorded.tau),
+        raw_after=_percent(after.tau, recorded.tau),
+        position_before=_rms(before.q - recorded.q),
+        position_after=_rms(after.q - recorded.q),
+        runs=tuple(c.path.run.name for c in compared),
+        laws=laws,
         warnings=(*_notes(compared, laws), *_lost(compared, counts, 1 - keep.mean()), *_worse(*errors, interval)),
-        time=last.path.run.time, tau=last.path.run.tau, tau_before=shown[0], tau_after=shown[1],
-    )  # fmt: skip
+        time=last.path.run.time,
+        tau=last.path.run.tau,
+        tau_before=shown[0],
+        tau_after=shown[1],
+    )
 
 
 def _judged(compared: Sequence[_Compared], pick) -> np.ndarray:
@@ -367,7 +414,7 @@ def _interval(error: np.ndarray, tau: np.ndarray, size: int) -> tuple[tuple[floa
     return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
 
 
-def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...]) -> tuple[str, ...]:
+def _notes(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]) -> tuple[str, ...]:
     notes = []
     for path in (c.path for c in compared):
         rest = [injected(law, path.run, joint) for joint, law in enumerate(laws)]
@@ -375,11 +422,15 @@ def _notes(compared: Sequence[_Compared], laws: tuple[Law, ...]) -> tuple[str, .
             (100 * np.sqrt(np.mean(x**2) / np.mean(path.run.tau[:, j] ** 2)) for j, x in enumerate(rest)), default=0.0
         )
         if share > 0:
-            notes.append(f"{path.run.name}: the recorded torque holds an input of its own (pulses, feed-forward) of "
-                         f"{share:.0f} % RMS beside the law from q_ref; it is replayed as recorded")  # fmt: skip
+            notes.append(
+                f"{path.run.name}: the recorded torque holds an input of its own (pulses, feed-forward) of "
+                f"{share:.0f} % RMS beside the law from q_ref; it is replayed as recorded"
+            )
     if not laws:
-        notes.append("no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a "
-                     "soft PD that holds the drive on the recorded path; the error is the torque it needs")  # fmt: skip
+        notes.append(
+            "no law from q_ref gives the recorded torque: replayed with the recorded torque fed forward and a "
+            "soft PD that holds the drive on the recorded path; the error is the torque it needs"
+        )
     return tuple(notes)
 
 
@@ -388,7 +439,11 @@ def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -
     notes = []
     for side, good in zip(SIDES, counts, strict=True):
         if why := "; ".join(_reasons(compared, side)):
-            what = f"the replay of the model {side} ended early, {share:.0%} of the rows are not judged" if good else f"no replay of the model {side}"
+            what = (
+                f"the replay of the model {side} ended early, {share:.0%} of the rows are not judged"
+                if good
+                else f"no replay of the model {side}"
+            )
             notes.append(f"{what}: {why}")
     return notes
 
@@ -396,11 +451,16 @@ def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -
 def _worse(before: Sequence[float], after: Sequence[float], interval: Sequence[tuple[float, float]]) -> list[str]:
     """In words: joints whose replay is clearly worse with the model after."""
     pairs = zip(before, after, interval, strict=True)
-    joints = [f"joint {j} {b:.2f} -> {a:.2f} %" for j, (b, a, (low, _)) in enumerate(pairs, 1) if a > WORSE * b and low > b]
+    joints = [
+        f"joint {j} {b:.2f} -> {a:.2f} %" for j, (b, a, (low, _)) in enumerate(pairs, 1) if a > WORSE * b and low > b
+    ]
     if not joints:
         return []
-    return [f"the replay is worse with the model after than before ({', '.join(joints)}) and so disagrees with the torque error: in a replay "
-            "errors feed back through the controller and from joint to joint"]  # fmt: skip
+    return [
+        f"the replay is worse with the model after than before "
+        f"({', '.join(joints)}) and so disagrees with the torque error: in a replay "
+        "errors feed back through the controller and from joint to joint"
+    ]
 
 
 def _reasons(compared: Sequence[_Compared], side: str) -> list[str]:

@@ -1,4 +1,6 @@
-"""The answer: which effects are named, with what they cannot be told from; what is left without a name; or why nothing may be said."""
+"""The answer: which effects are named, with what they cannot be told from; what is left without a name; or why nothing
+may be said.
+"""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -7,20 +9,22 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.closure.aliases import LISTED, Rival, indistinguishable, nameless_rival, rivals
-from cosim.closure.candidates import Candidate
-from cosim.closure.dependence import Leftover, corrected, in_place, leftovers, strongest
-from cosim.closure.evidence import Evidence, standard_errors, weigh
-from cosim.closure.model import Choice, Model, evolve_model, with_choices
-from cosim.closure.selection import Progress, Rule, Selection, polished, tangents
-from cosim.closure.unnamed import dependences, faults
-from cosim.effects import Alias, Effect, Estimate
+from cosim.closure.model.candidates import Candidate
+from cosim.closure.model.model import ChosenEffect, Model, evolve_model, with_choices
+from cosim.closure.model.unnamed import dependences, faults
+from cosim.closure.score.dependence import Leftover, corrected, in_place, leftovers, strongest
+from cosim.closure.score.evidence import EffectEvidence, standard_errors, weigh
+from cosim.closure.score.selection import Progress, Rule, Selection, polished, tangents
+from cosim.effects import Alias, Effect, EffectEstimate
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
 MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
 STEADY = 1.5  # factor by which a coefficient may change beside it
 SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
-SKEW = 0.3  # samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs; a wall of k [N/m] takes d [s] of it for a damping of k d
+# samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs; a wall of k [N/m] takes d [s] of it for a damping of k
+# d
+SKEW = 0.3
 LOWER = 0.85  # and the share of their squared error that it may have at most
 
 
@@ -34,11 +38,11 @@ class Answer(Enum):
 
 
 @frozen(eq=False)
-class Finding:
+class NamedEffect:
     """A named effect as the model has it: its evidence beside the others, parameters with 95 % intervals, rivals."""
 
-    choice: Choice
-    evidence: Evidence
+    choice: ChosenEffect
+    evidence: EffectEvidence
     parameters: dict[str, float]
     interval: dict[str, tuple[float, float]]
     rivals: tuple[Rival, ...]
@@ -68,8 +72,10 @@ class Finding:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """All names that the data cannot tell from this one: those that this motion cannot tell apart, those within one standard error, closest
-        first, and the relatives of an effect between motor and link that leaves a nameless rest on its joint: their details, which decide
+        """All names that the data cannot tell from this one: those that this motion cannot tell apart, those within one
+        standard error, closest
+        first, and the relatives of an effect between motor and link that leaves a nameless rest on its joint: their
+        details, which decide
         between them, are in that rest.
         """
         inherent = [alias.name for alias in self.inherent]
@@ -79,12 +85,15 @@ class Finding:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """The first `LISTED` of them; `unknown` is the last where an effect without a name may stand behind this one."""
+        """The first `LISTED` of them; `unknown` is the last where an effect without a name may stand behind this
+        one.
+        """
         return (*self.alike[: LISTED - 1], "unknown") if self.nameless else self.alike[:LISTED]
 
     @property
     def nameless(self) -> str:
-        """What tells this one from an effect without a name that may stand behind it; empty where nothing says that one does.
+        """What tells this one from an effect without a name that may stand behind it; empty where nothing says that one
+        does.
 
         Of an effect that several joints feel what is left on one of them says nothing.
         """
@@ -97,7 +106,11 @@ class Finding:
 
     @property
     def separated_by(self) -> str:
-        theirs = [(r.evidence.name, alias) for r in self.indistinguishable for alias in r.evidence.candidate.choice.effect.aliases]
+        theirs = [
+            (r.evidence.name, alias)
+            for r in self.indistinguishable
+            for alias in r.evidence.candidate.choice.effect.aliases
+        ]
         known = {name: alias.separated_by for name, alias in theirs if alias.name == self.name}
         known |= {alias.name: alias.separated_by for alias in (*self.effect.aliases, *self.inherent)}
         if self.nameless:
@@ -107,26 +120,36 @@ class Finding:
 
 
 @frozen(eq=False)
-class Verdict:
-    """The answer with its findings; `model` holds the named effects, `best` also the smooth correction where there is one."""
+class ClosureVerdict:
+    """The answer with its findings; `model` holds the named effects, `best` also the smooth correction where there is
+    one.
+    """
 
     answer: Answer
-    findings: tuple[Finding, ...] = ()
-    withdrawn: tuple[tuple[Finding, str], ...] = ()
+    findings: tuple[NamedEffect, ...] = ()
+    withdrawn: tuple[tuple[NamedEffect, str], ...] = ()
     leftovers: tuple[Leftover, ...] = ()
     model: Model | None = None
     best: Model | None = None
     warnings: tuple[str, ...] = field(default=(), converter=tuple)
 
 
-def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None) -> Verdict:
-    """Findings with aliases; the residual's leftovers; names withdrawn where a nameless function does clearly better."""
+def judge(
+    selection: Selection, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None
+) -> ClosureVerdict:
+    """Findings with aliases; the residual's leftovers; names withdrawn where a nameless function does clearly
+    better.
+    """
     model, withdrawn, former = selection.model, (), ()
-    given = {c.key for k, c in enumerate(selection.before.choices) if selection.before.unphysical(k)}  # by an earlier pass, on data that showed it
+    given = {
+        c.key for k, c in enumerate(selection.before.choices) if selection.before.unphysical(k)
+    }  # by an earlier pass, on data that showed it
     earlier = {choice.key for choice in selection.before.choices}
 
-    def found(number: int) -> Finding:
-        return evolve(finding(model, number, effects, rule, selection.trials), earlier=model.choices[number].key in earlier)
+    def found(number: int) -> NamedEffect:
+        return evolve(
+            finding(model, number, effects, rule, selection.trials), earlier=model.choices[number].key in earlier
+        )
 
     progress("looking for what is left in the residual")
     left, doubts = leftovers(model, rule)
@@ -136,30 +159,38 @@ def judge(selection: Selection, effects: Sequence[Effect], rule: Rule, progress:
         withdrawn += tuple((found(k), reasons[k]) for k in sorted(reasons))
         former += tuple((c, model.beta(k)) for k, c in enumerate(model.choices) if k in reasons)
         choices = tuple(c for k, c in enumerate(model.choices) if k not in reasons)
-        model = polished(with_choices(selection.before, choices)) if choices != selection.before.choices else selection.before
+        model = (
+            polished(with_choices(selection.before, choices))
+            if choices != selection.before.choices
+            else selection.before
+        )
         reasons = _unphysical(model, given)
     if withdrawn:
         again, doubts = leftovers(model, rule, former)
         left = again or left
     kept = tuple(map(found, range(len(model.choices))))
-    kept = tuple(evolve(f, rest=tuple(x for x in left if x.joint in f.acting), doubt=doubts.get(f.acting[0])) for f in kept)
+    kept = tuple(
+        evolve(f, rest=tuple(x for x in left if x.joint in f.acting), doubt=doubts.get(f.acting[0])) for f in kept
+    )
     return _answer(kept, withdrawn, left, model)
 
 
 def _unphysical(model: Model, given: set) -> dict[int, str]:
-    """Choices (by number) whose estimate is not physical beside the others: refits move estimates. But for those that were `given`."""
+    """Choices (by number) whose estimate is not physical beside the others: refits move estimates. But for those that
+    were `given`.
+    """
     reasons = {k: model.unphysical(k) for k, c in enumerate(model.choices) if c.key not in given}
     return {k: reason for k, reason in reasons.items() if reason}
 
 
-def _answer(kept, withdrawn, left, model: Model) -> Verdict:
+def _answer(kept, withdrawn, left, model: Model) -> ClosureVerdict:
     best = corrected(model, left) if left else model
     ordered = tuple(sorted(kept, key=lambda f: -f.evidence.gain_fit * f.evidence.size))
     if any(not f.earlier for f in ordered):
         answer = Answer.FOUND
     else:
         answer = Answer.UNEXPLAINED if left or withdrawn else Answer.COMPLETE
-    return Verdict(answer, ordered, withdrawn, left, model, best)
+    return ClosureVerdict(answer, ordered, withdrawn, left, model, best)
 
 
 def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[int, str]:
@@ -177,25 +208,36 @@ def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[i
     return out
 
 
-def _too_much_left(base: Model, model: Model, joints: list[int], here: tuple[Leftover, ...], numbers: list[int], rule: Rule) -> str:
-    """Whether nameless functions, one a joint, explain a good part of what the names leave. An effect that several joints feel, of which
+def _too_much_left(
+    base: Model, model: Model, joints: list[int], here: tuple[Leftover, ...], numbers: list[int], rule: Rule
+) -> str:
+    """Whether nameless functions, one a joint, explain a good part of what the names leave. An effect that several
+    joints feel, of which
     they may be strangers, only has to stand beside them.
     """
     if not here:
         return ""
     nameless = tuple(leftover.choice for leftover in here)
-    without, names, both = (float(m.joint_error()[0][:, joints].sum()) for m in (base, model, with_choices(model, (*model.choices, *nameless))))
+    without, names, both = (
+        float(m.joint_error()[0][:, joints].sum())
+        for m in (base, model, with_choices(model, (*model.choices, *nameless)))
+    )
     named, possible = without - names, max(without - both, 1e-300)
     if named >= NAMED_SHARE * possible:
         return ""
     if (len(joints) > 1 or named >= MOST * possible) and all(_stands_beside(model, k, nameless, rule) for k in numbers):
         return ""
-    return (f"it explains {100 * named / possible:.0f} % of what can be explained on joint {', '.join(str(j + 1) for j in joints)}; "
-            f"{' and '.join(leftover.form for leftover in here)} explains the rest without a name")  # fmt: skip
+    return (
+        f"it explains {100 * named / possible:.0f} % of what can be explained "
+        f"on joint {', '.join(str(j + 1) for j in joints)}; "
+        f"{' and '.join(leftover.form for leftover in here)} explains the rest without a name"
+    )
 
 
-def _stands_beside(model: Model, number: int, nameless: tuple[Choice, ...], rule: Rule) -> bool:
-    """Whether a name keeps its evidence and its coefficients when the nameless functions have been given their part first."""
+def _stands_beside(model: Model, number: int, nameless: tuple[ChosenEffect, ...], rule: Rule) -> bool:
+    """Whether a name keeps its evidence and its coefficients when the nameless functions have been given their part
+    first.
+    """
     choice = model.choices[number]
     others = tuple(c for k, c in enumerate(model.choices) if k != number)
     rest = with_choices(model, (*others, *nameless))
@@ -220,7 +262,7 @@ def _unnamed_better(base: Model, model: Model, joint: int) -> str:
     return f"{rival.choices[-1].effect.title} does clearly better (t = {t:.1f})" if t > BETTER else ""
 
 
-def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int) -> Finding:
+def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int) -> NamedEffect:
     """Evidence, parameters, intervals and rivals of one chosen effect."""
     evidence, found = rivals(model, number, effects, rule, trials)
     values, interval = intervals(model, number)
@@ -229,14 +271,20 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     if other:
         vague.insert(0, f"{other.words} explains as much ({other.separated_by})")
     inherent = choice.effect.inherent(model.estimate(number))
-    return Finding(choice, evidence, values, interval, found, inherent, model.acting(number), vague=", ".join(filter(None, vague)))
+    return NamedEffect(
+        choice, evidence, values, interval, found, inherent, model.acting(number), vague=", ".join(filter(None, vague))
+    )
 
 
 def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """FMU parameters of an effect and their 95 % intervals: jackknife by blocks, nonlinear parameters linearised beside the others."""
+    """FMU parameters of an effect and their 95 % intervals: jackknife by blocks, nonlinear parameters linearised beside
+    the others.
+    """
     choice, part = model.choices[number], model.coefficients(number)
     beta, cov, theta_std = model.fit.beta[part], model.fit.cov[part, part], np.zeros(len(choice.theta))
-    free = () if choice.effect.late else choice.effect.continuous(choice.theta)  # a late effect's coefficient carries what theta lacks
+    free = (
+        () if choice.effect.late else choice.effect.continuous(choice.theta)
+    )  # a late effect's coefficient carries what theta lacks
     if free or choice.effect.sharp:
         beta_cov = _with_tangents(model, number, free)
         k = len(beta)
@@ -253,7 +301,7 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
         theta_std[index] = np.hypot(theta_std[index], change)
 
     def read(b, th) -> dict[str, float]:
-        return choice.effect.parameters(Estimate(b, std, tuple(th), choice.joints, model.scene))
+        return choice.effect.parameters(EffectEstimate(b, std, tuple(th), choice.joints, model.scene))
 
     values = read(beta, choice.theta)
     low, high = dict(values), dict(values)
@@ -271,7 +319,9 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
 
 
 def _by_skew(model: Model) -> np.ndarray:
-    """Standard deviation (p,) of the coefficients by that of the sampling skew, which is chosen among three values; lag and delay have it themselves."""
+    """Standard deviation (p,) of the coefficients by that of the sampling skew, which is chosen among three values; lag
+    and delay have it themselves.
+    """
     step = SKEW * model.setting.motion.sample
     return np.abs(evolve_model(model, skew=model.skew + step).fit.beta - model.fit.beta)
 
@@ -283,13 +333,16 @@ def _quantile(model: Model) -> float:
 
 
 def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
-    """Jackknife covariance of (coefficients, free nonlinear parameters), the model linearised in the latter and in the width of the
+    """Jackknife covariance of (coefficients, free nonlinear parameters), the model linearised in the latter and in the
+    width of the
     friction law of the effect's joint.
     """
-    from cosim.closure.gram import accumulate, fit
+    from cosim.closure.model.gram import accumulate, fit
 
     choice, part, rows = model.choices[number], model.coefficients(number), model.setting.rows
-    extra = [column / (change or 1e12) for column, change in tangents(model, number, free)]  # a parameter that cannot move adds nothing
+    extra = [
+        column / (change or 1e12) for column, change in tangents(model, number, free)
+    ]  # a parameter that cannot move adds nothing
     count = len(extra)
     extra += [_width_tangent(model, j) for j in choice.joints if choice.effect.sharp and model.laws[j].width > 0]
     design = np.concatenate((model.design, *extra), axis=2)
@@ -301,7 +354,7 @@ def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarr
 
 def _width_tangent(model: Model, joint: int) -> np.ndarray:
     """Column (J, m, 1) of a relative change of the width of a joint's friction law."""
-    from cosim.closure.model import spread
+    from cosim.closure.model.model import spread
 
     law = model.laws[joint]
     ahead, behind = (model.setting.sign(joint, evolve(law, width=law.width * f)) for f in (1.03, 1 / 1.03))

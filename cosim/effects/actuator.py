@@ -1,16 +1,19 @@
 """Effects between the commanded and the delivered torque: lag, delay, gain, saturation, dead band.
 
-The recorded torque is the command u; the delivered torque is A(u). With the model's own prediction p of the delivered torque the
-command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the prediction where they can
+The recorded torque is the command u; the delivered torque is A(u). With the model's own prediction p of the delivered
+torque the
+command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the prediction
+where they can
 be, so that noise of the torque does not stand on both sides.
 
-Lag and delay are found by passing the recorded torque on through them, which is exact at any size; what is left of the parameter is the
+Lag and delay are found by passing the recorded torque on through them, which is exact at any size; what is left of the
+parameter is the
 coefficient of one column, the slope of the prediction.
 """
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
 
 _FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
@@ -51,13 +54,18 @@ class Late(Effect):
     def labels(self, joints, theta):
         return (self.name,)
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
-        """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled torque included."""
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+        """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled
+        torque included.
+        """
         value = float(self.amount(estimate.beta, estimate.theta)[0]) + estimate.scene.skew
         return {per_joint(self.name, (j,)): value for j in estimate.joints}
 
-    def unphysical(self, estimate: Estimate) -> str:
-        value, least = float(self.amount(estimate.beta, estimate.theta)[0]), SAMPLES_OF_A_RECORDING * estimate.scene.motion.sample
+    def unphysical(self, estimate: EffectEstimate) -> str:
+        value, least = (
+            float(self.amount(estimate.beta, estimate.theta)[0]),
+            SAMPLES_OF_A_RECORDING * estimate.scene.motion.sample,
+        )
         if value < 0:
             return "negative: the torque would come before its command"
         if value - 2 * estimate.std[0] < least:
@@ -120,11 +128,11 @@ class TorqueGain(Effect):
     def labels(self, joints, theta):
         return (per_joint("torque_gain", joints),)
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         share = float(np.clip(estimate.beta[0], -0.9, 0.9))
         return {per_joint("torque_gain", estimate.joints): share / (1 - share)}
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         return "a gain of more than a factor" if not -1 < estimate.beta[0] < 0.6 else ""
 
 
@@ -143,7 +151,10 @@ class TorqueSaturation(Effect):
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
-        return tuple((float(x),) for x in np.unique(np.percentile(u, (20, 30, 40, 50, 60, 68, 75, 80, 84, 87, 90, 92, 94, 96, 97, 98, 99))))
+        return tuple(
+            (float(x),)
+            for x in np.unique(np.percentile(u, (20, 30, 40, 50, 60, 68, 75, 80, 84, 87, 90, 92, 94, 96, 97, 98, 99)))
+        )
 
     def continuous(self, theta):
         return (0,)
@@ -155,16 +166,19 @@ class TorqueSaturation(Effect):
     def labels(self, joints, theta):
         return ("share beyond the limit",)
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         return {per_joint("torque_saturation", estimate.joints): estimate.theta[0]}
 
     def theta_labels(self, joints):
         return (per_joint("torque_saturation", joints),)
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         beyond = float(np.mean(np.abs(estimate.scene.motion.tau_raw[:, estimate.joints[0]]) > estimate.theta[0]))
         if beyond > STARVED:
-            return f"{100 * beyond:.0f} % of the commands lie beyond the limit: a loop so starved of torque would not track"
+            return (
+                f"{100 * beyond:.0f} % of the commands lie beyond the limit: a "
+                f"loop so starved of torque would not track"
+            )
         return _whole(estimate, "of what the command has beyond the limit is missing")
 
 
@@ -195,20 +209,23 @@ class TorqueDeadband(Effect):
     def labels(self, joints, theta):
         return (per_joint("torque_deadband", joints),)
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         return {per_joint("torque_deadband", estimate.joints): float(estimate.beta[0])}
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         if estimate.beta[0] < 0:
             return "negative"
         within = float(np.mean(np.abs(estimate.scene.motion.tau_raw[:, estimate.joints[0]]) < estimate.theta[0]))
         if within > USUAL:
-            return f"{100 * within:.0f} % of the commands lie within the dead band: a loop so starved of torque would not track"
+            return (
+                f"{100 * within:.0f} % of the commands lie within the dead band: "
+                f"a loop so starved of torque would not track"
+            )
         ratio = estimate.beta[0] / estimate.theta[0]
         slack = 3 * estimate.std[0] / estimate.theta[0]
         return "" if 0.5 - slack < ratio < 2.0 + slack else "the height and the width of the dead band disagree"
 
 
-def _whole(estimate: Estimate, what: str) -> str:
+def _whole(estimate: EffectEstimate, what: str) -> str:
     low, high = estimate.beta[0] - 3 * estimate.std[0] - 0.15, estimate.beta[0] + 3 * estimate.std[0] + 0.15
     return "" if low < 1 < high else f"{estimate.beta[0]:.2f} instead of all {what}"

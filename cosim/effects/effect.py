@@ -1,4 +1,6 @@
-"""What an effect is: a name, its physics, the columns it adds to the regression, when it is physical, what it is mistaken for."""
+"""What an effect is: a name, its physics, the columns it adds to the regression, when it is physical, what it is
+mistaken for.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -13,10 +15,13 @@ Theta = tuple[float, ...]
 class Scene:
     """What an effect may look at: the motion and the model as it stands, n rows at the full rate, nj joints.
 
-    sign (n, nj) smooth sign of dq by the friction law in use; rigid, prediction (n, nj) torque of the rigid body and of the whole
-    model [N.m]; friction (n, nj); viscous, coulomb (nj,); rigid_slopes(j): derivatives of the rigid torque by q_j, dq_j, ddq_j, each joint -> (n,) of the
-    joints that feel it, None where the device has no equations of motion; pi (8,) of the PHANToM or None; declared: whether pi is trusted rather than fitted; tip torque of a force by `arm`.
-    motion: cosim.closure.motion.Motion.
+    sign (n, nj) smooth sign of dq by the friction law in use; rigid, prediction (n, nj) torque of the rigid body and of
+    the whole
+    model [N.m]; friction (n, nj); viscous, coulomb (nj,); rigid_slopes(j): derivatives of the rigid torque by q_j,
+    dq_j, ddq_j, each joint -> (n,) of the
+    joints that feel it, None where the device has no equations of motion; pi (8,) of the PHANToM or None; declared:
+    whether pi is trusted rather than fitted; tip torque of a force by `arm`.
+    motion: cosim.closure.data.motion.Motion.
     """
 
     motion: object
@@ -50,7 +55,7 @@ class Scene:
 
 
 @frozen(eq=False)
-class Estimate:
+class EffectEstimate:
     """Coefficients of an effect's columns as fitted: beta, std (k,), theta, on which joints, beside what."""
 
     beta: np.ndarray
@@ -85,17 +90,28 @@ class Effect(ABC):
     sharp: bool = True  # columns jump with the motion and need the filter K as well
     dynamic: bool = False  # columns are formed from the model's own prediction and change with it
     measured: bool = False  # columns are formed from the measured torque: they explain a part of it by themselves
-    late: bool = False  # passes the recorded torque on: theta acts on that torque, the one coefficient is what theta lacks
+    late: bool = (
+        False  # passes the recorded torque on: theta acts on that torque, the one coefficient is what theta lacks
+    )
     of_time: bool = False  # a function of time: held-out rows lie beyond the fitted times and only may not contradict
     actuator: bool = False  # acts between command and delivered torque: not part of the torque that is delivered
-    smooths: bool = False  # passes the acceleration through a lag, and with it the encoder's noise, which is no evidence
-    form: float = 0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
+    smooths: bool = (
+        False  # passes the acceleration through a lag, and with it the encoder's noise, which is no evidence
+    )
+    form: float = (
+        0.02  # standard deviation, as a share of a value, that filter and form of the friction law alone can make
+    )
     amplitude: bool = False  # the coefficients are the parts of one amplitude, such as sine and cosine
-    least: float = 0.0  # share of the squared error that it has to remove where noise of the encoder, fed back into the command, mimics it
-    signals: tuple[str, ...] = ()  # of the joint that the torque is a function of: whether its size varies with the others is then looked for
+    # share of the squared error that it has to remove where noise of the encoder, fed back into the command, mimics it
+    least: float = 0.0
+    signals: tuple[
+        str, ...
+    ] = ()  # of the joint that the torque is a function of: whether its size varies with the others is then looked for
     slack: float = 0.0  # samples by which an interval reaches further down: what recording itself may cost
     aliases: tuple[Alias, ...] = ()
-    relatives: tuple[str, ...] = ()  # names that decide by details: not told from this one where a rest without a name is left
+    relatives: tuple[
+        str, ...
+    ] = ()  # names that decide by details: not told from this one where a rest without a name is left
     needs: str = ""  # what the data must hold
 
     @property
@@ -115,7 +131,9 @@ class Effect(ABC):
     def columns(self, scene: Scene, joints: tuple[int, ...], theta: Theta) -> Mapping[int, np.ndarray]:
         """Required torque per unit of each coefficient: joint -> (n, k)."""
 
-    def columns_of_all(self, scene: Scene, joints: tuple[int, ...], thetas: Sequence[Theta]) -> list[Mapping[int, np.ndarray]]:
+    def columns_of_all(
+        self, scene: Scene, joints: tuple[int, ...], thetas: Sequence[Theta]
+    ) -> list[Mapping[int, np.ndarray]]:
         """Columns for each of several thetas; for effects that can form them together sooner than one by one."""
         return [self.columns(scene, joints, theta) for theta in thetas]
 
@@ -132,24 +150,30 @@ class Effect(ABC):
         return ()
 
     def richer(self, theta: Theta) -> Theta | None:
-        """theta of a form with one nonlinear parameter more, to be taken where it leaves much less; None where there is none."""
+        """theta of a form with one nonlinear parameter more, to be taken where it leaves much less; None where there is
+        none.
+        """
         return None
 
     def handicap(self, scene: Scene, theta: Theta) -> float:
-        """Factor on the squared error with which values of the grid compete that need better evidence than the others; 1 for those."""
+        """Factor on the squared error with which values of the grid compete that need better evidence than the others;
+        1 for those.
+        """
         return 1.0
 
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
         return (*theta[:index], theta[index] * (1 + step), *theta[index + 1 :])
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         """FMU parameters of an estimate."""
         labels = self.labels(estimate.joints, estimate.theta) + self.theta_labels(estimate.joints)
         return dict(zip(labels, (*map(float, estimate.beta), *estimate.theta), strict=False))
 
-    def inherent(self, estimate: Estimate) -> tuple[Alias, ...]:
-        """Effects that this motion cannot tell from the estimated one whatever fits better; by default those that no motion does."""
+    def inherent(self, estimate: EffectEstimate) -> tuple[Alias, ...]:
+        """Effects that this motion cannot tell from the estimated one whatever fits better; by default those that no
+        motion does.
+        """
         return tuple(alias for alias in self.aliases if alias.always)
 
     def related(self, other: "Effect") -> bool:
@@ -165,7 +189,9 @@ class Effect(ABC):
         return beta + np.array(theta) if self.late else beta
 
     def precision(self, count: int) -> np.ndarray:
-        """What is known of the `count` coefficients before there are data: one over the variance of each about zero (k,), 0 for nothing."""
+        """What is known of the `count` coefficients before there are data: one over the variance of each about zero
+        (k,), 0 for nothing.
+        """
         return np.zeros(count)
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
@@ -180,7 +206,7 @@ class Effect(ABC):
         """Laws of one joint without a name that may do what this one does, in words -> columns (n, k)."""
         return {}
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         """Why the estimate cannot be this effect; empty where it can."""
         return ""
 

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, Estimate, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
 
 
 class LoadFriction(Effect):
     """Gear or capstan friction: a share of the motor's torque.
 
-    The load is the torque that the model predicts: of the measured one |tau| s(dq) is the torque itself wherever friction prevails.
+    The load is the torque that the model predicts: of the measured one |tau| s(dq) is the torque itself wherever
+    friction prevails.
     """
 
     name = "load_friction"
@@ -25,7 +26,7 @@ class LoadFriction(Effect):
     def labels(self, joints, theta):
         return (per_joint("load_friction", joints),)
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         if estimate.beta[0] < 0:
             return "friction that falls with the load"
         return "friction larger than the load that causes it" if estimate.beta[0] - 2 * estimate.std[0] > 1 else ""

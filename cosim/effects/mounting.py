@@ -2,10 +2,12 @@
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, Estimate, Scene
+from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene
 from cosim.effects.transmission import displaced, pressed
 
-PRESSED = Alias("backlash", "a load that changes its sign: a gap that it keeps pressed to one side is an offset of half of it")
+PRESSED = Alias(
+    "backlash", "a load that changes its sign: a gap that it keeps pressed to one side is an offset of half of it"
+)
 
 
 class BaseTilt(Effect):
@@ -29,7 +31,11 @@ class BaseTilt(Effect):
         return ((0, 1, 2),) if scene.device == "phantom" else ()
 
     def untestable(self, scene: Scene, joints) -> str:
-        return "" if scene.pi is not None and np.abs(scene.pi[6:]).max() > 1e-3 else "the arm is balanced: gravity has no moment"
+        return (
+            ""
+            if scene.pi is not None and np.abs(scene.pi[6:]).max() > 1e-3
+            else "the arm is balanced: gravity has no moment"
+        )
 
     def columns(self, scene, joints, theta):
         p7, p8 = scene.pi[6:]
@@ -44,7 +50,7 @@ class BaseTilt(Effect):
     def labels(self, joints, theta):
         return ("base_tilt[1]", "base_tilt[2]")
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         return "a tilt of more than half a radian" if np.abs(estimate.beta).max() > 0.5 else ""
 
 
@@ -77,11 +83,11 @@ class EncoderOffset(Effect):
     def labels(self, joints, theta):
         return (f"encoder_offset[{joints[0] + 1}]",)
 
-    def inherent(self, estimate: Estimate) -> tuple[Alias, ...]:
+    def inherent(self, estimate: EffectEstimate) -> tuple[Alias, ...]:
         side = pressed(estimate.scene, estimate.joints[0])
         return (*super().inherent(estimate), *((PRESSED,) if side * estimate.beta[0] > 0 else ()))
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         return "an offset of more than half a radian" if abs(estimate.beta[0]) > 0.5 else ""
 
 
@@ -114,7 +120,7 @@ class Payload(Effect):
     def labels(self, joints, theta):
         return ("payload",)
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         return "negative mass" if estimate.beta[0] < 0 else ""
 
 

@@ -1,10 +1,11 @@
 """Effects of the angle of a joint: friction that varies with it, springs and cables, ripple, hysteresis."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
 
 
 class PositionFriction(Effect):
@@ -28,7 +29,7 @@ class PositionFriction(Effect):
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
         return "the joint turns less than 0.2 rad" if scene.angle_range(joints[0]) < 0.2 else ""
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         j = estimate.joints[0]
         low, high = np.percentile(estimate.scene.motion.q[:, j], (1, 99))
         q = np.linspace(low, high, 50)
@@ -53,8 +54,14 @@ class PositionTorque(Effect):
         Alias("torque_offset", "a wider range of the joint"),
     )
     SHAPES = ((1,), (1, 2), (1, 2, 3), (1, 3), (0, 1), (0, 1, 2), (0, 1, 2, 3), (8, 9))
-    NAMES = {0: "torque_offset", 1: "position_torque", 2: "position_torque_quadratic", 3: "position_torque_cubic",
-             8: "position_torque_sin", 9: "position_torque_cos"}  # fmt: skip
+    NAMES = {
+        0: "torque_offset",
+        1: "position_torque",
+        2: "position_torque_quadratic",
+        3: "position_torque_cubic",
+        8: "position_torque_sin",
+        9: "position_torque_cos",
+    }
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         return tuple((float(k),) for k in range(len(self.SHAPES)))
@@ -68,11 +75,13 @@ class PositionTorque(Effect):
     def labels(self, joints, theta):
         return tuple(per_joint(self.NAMES[k], joints) for k in self.SHAPES[int(theta[0])])
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
 
-    def unphysical(self, estimate: Estimate) -> str:
-        """A torque that hardly changes over the motion (by a tenth of its mean) is an offset, whatever its polynomial."""
+    def unphysical(self, estimate: EffectEstimate) -> str:
+        """A torque that hardly changes over the motion (by a tenth of its mean) is an offset, whatever its
+        polynomial.
+        """
         torque = self.columns(estimate.scene, estimate.joints, estimate.theta)[estimate.joints[0]] @ estimate.beta
         constant = np.std(torque) < 0.1 * abs(np.mean(torque))
         return "only its constant differs from zero: a torque offset" if constant else ""
@@ -123,9 +132,11 @@ class TorqueRipple(Effect):
         return (per_joint("ripple_order", joints),)
 
     def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
-        return "" if self.grid(scene, joints) else "the motion is too fast or too small for any ripple to pass the filter"
+        return (
+            "" if self.grid(scene, joints) else "the motion is too fast or too small for any ripple to pass the filter"
+        )
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         cycles = estimate.theta[0] * estimate.scene.angle_range(estimate.joints[0]) / (2 * np.pi)
         return "" if cycles >= FEWEST else f"{cycles:.2g} cycles in the range of the motion: no period to be seen"
 
@@ -133,8 +144,10 @@ class TorqueRipple(Effect):
 class Hysteresis(Effect):
     """Friction that builds up over a distance after a reversal: presliding, cable, gear.
 
-    z is Dahl's state, or three elasto-plastic elements in parallel, z = sum w_k z_k, w = (1 - tilt, 1, 1 + tilt)/3, that yield
-    over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech. 33(4); Maxwell slip).
+    z is Dahl's state, or three elasto-plastic elements in parallel, z = sum w_k z_k, w = (1 - tilt, 1, 1 + tilt)/3,
+    that yield
+    over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech. 33(4); Maxwell
+    slip).
     theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
     """
 
@@ -176,23 +189,28 @@ class Hysteresis(Effect):
     def theta_labels(self, joints):
         return tuple(per_joint(f"hysteresis_{name}", joints) for name in ("length", "ratio", "tilt"))
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
 
 
 def dahl(motion, joint: int, length: float) -> np.ndarray:
-    """State z (n,) of dz/dt = dq (1 - z sgn(dq)) / length: u = 1 - z sgn(dq) falls to u exp(-d / length) over a distance d."""
+    """State z (n,) of dz/dt = dq (1 - z sgn(dq)) / length: u = 1 - z sgn(dq) falls to u exp(-d / length) over a
+    distance d.
+    """
     return _strokes(motion, joint, length, lambda u, gone: u * np.exp(-gone))
 
 
 def elements(motion, joint: int, length: float, ratio: float, tilt: float) -> np.ndarray:
     """z (n,) of three elasto-plastic elements: u falls to u - d / length_k, until nothing is left."""
     parts = zip((1 - tilt, 1.0, 1 + tilt), (length / ratio, length, length * ratio), strict=True)
-    return sum(weight / 3 * _strokes(motion, joint, each, lambda u, gone: np.maximum(u - gone, 0.0)) for weight, each in parts)
+    return sum(
+        weight / 3 * _strokes(motion, joint, each, lambda u, gone: np.maximum(u - gone, 0.0)) for weight, each in parts
+    )
 
 
 def _strokes(motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
-    """State z (n,) over each run from z = 0, exact for a constant direction between samples; left(u, gone): what is left of
+    """State z (n,) over each run from z = 0, exact for a constant direction between samples; left(u, gone): what is
+    left of
     u = 1 - z sgn(dq) after distances in one direction, in lengths. Moves below the standstill noise count too.
     """
     out = np.empty(len(motion.time))
@@ -200,7 +218,7 @@ def _strokes(motion, joint: int, length: float, left: Callable[[float, np.ndarra
         move = np.diff(motion.q[a:b, joint], prepend=motion.q[a, joint]) / length
         edges = np.r_[0, np.flatnonzero(np.diff(np.sign(move)) != 0) + 1, b - a]
         z = 0.0
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        for start, stop in itertools.pairwise(edges):
             toward, gone = np.sign(move[start]), np.cumsum(np.abs(move[start:stop]))
             out[a + start : a + stop] = toward - toward * left(1 - toward * z, gone) if toward else z
             z = out[a + stop - 1]

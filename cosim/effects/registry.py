@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.effects.actuator import ActuatorLag, TimeDelay, TorqueDeadband, TorqueGain, TorqueSaturation
-from cosim.effects.effect import Alias, Effect, Scene
+from cosim.effects.effect import Alias, Effect
 from cosim.effects.load import LoadFriction
 from cosim.effects.mounting import BaseTilt, EncoderOffset, Payload
 from cosim.effects.position import Hysteresis, PositionFriction, PositionTorque, TorqueRipple
@@ -20,10 +20,30 @@ from cosim.effects.transmission import Backlash, JointElasticity
 from cosim.errors import InputError, Problem
 
 BUILT_IN = (
-    Stribeck(), CoulombAsymmetry(), ViscousAsymmetry(), TorqueOffset(), LoadFriction(), PositionFriction(), PositionTorque(),
-    TorqueRipple(), Hysteresis(), QuadraticDrag(), ActuatorLag(), TimeDelay(), TorqueGain(), TorqueSaturation(), TorqueDeadband(),
-    JointElasticity(), Backlash(), Payload(), BaseTilt(), EncoderOffset(), FrictionDrift(), ExternalContact(), JointCoupling(),
-)  # fmt: skip
+    Stribeck(),
+    CoulombAsymmetry(),
+    ViscousAsymmetry(),
+    TorqueOffset(),
+    LoadFriction(),
+    PositionFriction(),
+    PositionTorque(),
+    TorqueRipple(),
+    Hysteresis(),
+    QuadraticDrag(),
+    ActuatorLag(),
+    TimeDelay(),
+    TorqueGain(),
+    TorqueSaturation(),
+    TorqueDeadband(),
+    JointElasticity(),
+    Backlash(),
+    Payload(),
+    BaseTilt(),
+    EncoderOffset(),
+    FrictionDrift(),
+    ExternalContact(),
+    JointCoupling(),
+)
 
 
 def library(files: Iterable[Path | str] = ()) -> tuple[Effect, ...]:
@@ -37,15 +57,29 @@ def library(files: Iterable[Path | str] = ()) -> tuple[Effect, ...]:
 
 
 def load_effects(path: Path | str) -> tuple[Effect, ...]:
-    """Instances of every concrete `Effect` that a Python file defines. Raises InputError, as do their methods where they fail."""
+    """Instances of every concrete `Effect` that a Python file defines. Raises InputError, as do their methods where
+    they fail.
+    """
     path = Path(path)
     if not path.is_file() or path.suffix != ".py":
-        raise InputError(Problem(str(path), "a Python file, named .py, with an Effect", "another name" if path.is_file() else "no such file"))
-    kinds = [k for k in vars(_module(path)).values() if isinstance(k, type) and issubclass(k, Effect) and k.__module__ == path.stem]
+        raise InputError(
+            Problem(
+                str(path),
+                "a Python file, named .py, with an Effect",
+                "another name" if path.is_file() else "no such file",
+            )
+        )
+    kinds = [
+        k
+        for k in vars(_module(path)).values()
+        if isinstance(k, type) and issubclass(k, Effect) and k.__module__ == path.stem
+    ]
     whole = [kind for kind in kinds if not kind.__abstractmethods__]
     if not whole:
         lacking = [f"{k.__name__} without {' and '.join(sorted(k.__abstractmethods__))}" for k in kinds]
-        raise InputError(Problem(str(path), "at least one class derived from cosim.effects.Effect", ", ".join(lacking) or "none"))
+        raise InputError(
+            Problem(str(path), "at least one class derived from cosim.effects.Effect", ", ".join(lacking) or "none")
+        )
     found = tuple(_made(kind, path) for kind in whole)
     unnamed = [type(effect).__name__ for effect in found if not effect.name]
     if unnamed:
@@ -72,7 +106,11 @@ def _made(kind: type[Effect], path: Path) -> Effect:
     try:
         return type(kind.__name__, (kind,), watched | {"__module__": kind.__module__})()
     except (Exception, SystemExit) as error:
-        raise InputError(Problem(f"{path}: {kind.__name__}", "a class that is made without arguments", f"{type(error).__name__}: {error}")) from error
+        raise InputError(
+            Problem(
+                f"{path}: {kind.__name__}", "a class that is made without arguments", f"{type(error).__name__}: {error}"
+            )
+        ) from error
 
 
 def _watched(method, where: str):
@@ -117,18 +155,29 @@ def _is_precision(value: object, arguments: tuple) -> bool:
 
 def _are_columns(value: object, arguments: tuple) -> bool:
     scene, *_ = arguments
-    if not isinstance(value, Mapping) or not value or not set(value) <= set(range(scene.joints)) or not all(map(_is_real, value.values())):
+    if (
+        not isinstance(value, Mapping)
+        or not value
+        or not set(value) <= set(range(scene.joints))
+        or not all(map(_is_real, value.values()))
+    ):
         return False
     shapes = {x.shape for x in value.values()}
     return len(shapes) == 1 and len(shape := shapes.pop()) == 2 and shape[0] == len(scene.motion.time) and shape[1] > 0
 
 
 def _are_all_columns(value: object, arguments: tuple) -> bool:
-    return isinstance(value, list) and len(value) == len(arguments[-1]) and all(_are_columns(columns, arguments) for columns in value)
+    return (
+        isinstance(value, list)
+        and len(value) == len(arguments[-1])
+        and all(_are_columns(columns, arguments) for columns in value)
+    )
 
 
 def _are_laws(value: object, arguments: tuple) -> bool:
-    return isinstance(value, Mapping) and all(isinstance(words, str) and _are_columns({0: x}, arguments) for words, x in value.items())
+    return isinstance(value, Mapping) and all(
+        isinstance(words, str) and _are_columns({0: x}, arguments) for words, x in value.items()
+    )
 
 
 def _are_texts(value: object, arguments: tuple) -> bool:
@@ -136,16 +185,22 @@ def _are_texts(value: object, arguments: tuple) -> bool:
 
 
 def _are_values(value: object, arguments: tuple) -> bool:
-    return isinstance(value, Mapping) and all(isinstance(name, str) and _finite(number) for name, number in value.items())
+    return isinstance(value, Mapping) and all(
+        isinstance(name, str) and _finite(number) for name, number in value.items()
+    )
 
 
 def _is_grid(value: object, arguments: tuple) -> bool:
-    return isinstance(value, tuple | list) and all(isinstance(theta, tuple) and all(map(_finite, theta)) for theta in value)
+    return isinstance(value, tuple | list) and all(
+        isinstance(theta, tuple) and all(map(_finite, theta)) for theta in value
+    )
 
 
 def _are_joint_sets(value: object, arguments: tuple) -> bool:
     known = set(range(arguments[0].joints))
-    return isinstance(value, tuple | list) and all(isinstance(joints, tuple) and joints and known.issuperset(joints) for joints in value)
+    return isinstance(value, tuple | list) and all(
+        isinstance(joints, tuple) and joints and known.issuperset(joints) for joints in value
+    )
 
 
 _COLUMNS = "joint (from 0) -> array (n, k) of finite numbers, n the rows of scene.motion.time, the same k for all"
@@ -156,10 +211,16 @@ _EXPECTED = {
     "columns": (_COLUMNS, _are_columns),
     "columns_of_all": (f"a list with the columns of each theta, {_COLUMNS}", _are_all_columns),
     "other_laws": ("text -> array (n, k) of finite numbers", _are_laws),
-    "labels": ("texts in a tuple", _are_texts), "theta_labels": ("texts in a tuple", _are_texts),
+    "labels": ("texts in a tuple", _are_texts),
+    "theta_labels": ("texts in a tuple", _are_texts),
     "parameters": ("text -> finite number", _are_values),
     "grid": ("tuples of finite numbers in a tuple", _is_grid),
     "joint_sets": ("tuples of joints (from 0) of the device in a tuple", _are_joint_sets),
-    "inherent": ("aliases in a tuple", lambda value, arguments: isinstance(value, tuple) and all(isinstance(alias, Alias) for alias in value)),
-    "untestable": _TEXT, "vague": _TEXT, "unphysical": _TEXT,
+    "inherent": (
+        "aliases in a tuple",
+        lambda value, arguments: isinstance(value, tuple) and all(isinstance(alias, Alias) for alias in value),
+    ),
+    "untestable": _TEXT,
+    "vague": _TEXT,
+    "unphysical": _TEXT,
 }

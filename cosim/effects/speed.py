@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
 
 ENDED = 0.5  # Stribeck speed over the largest speed: from here on the end of its fall is not seen
 CLEAR = 3.0  # times the Stribeck speed that are seen: from here on the curve is a law of the low speeds
@@ -18,7 +18,11 @@ class TorqueOffset(Effect):
     equation = "tau += offset"
     source = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems 27(5)"
     aliases = (
-        Alias("coulomb_asymmetry", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", always=True),
+        Alias(
+            "coulomb_asymmetry",
+            "nothing in motion data: hold the arm still and creep in both directions, or turn it over",
+            always=True,
+        ),
         Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
         Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
     )
@@ -39,7 +43,11 @@ class CoulombAsymmetry(Effect):
     signals = ("dq",)
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
     aliases = (
-        Alias("torque_offset", "nothing in motion data: hold the arm still and creep in both directions, or turn it over", always=True),
+        Alias(
+            "torque_offset",
+            "nothing in motion data: hold the arm still and creep in both directions, or turn it over",
+            always=True,
+        ),
         Alias("viscous_asymmetry", "both directions at clearly different speeds"),
     )
 
@@ -49,7 +57,7 @@ class CoulombAsymmetry(Effect):
     def labels(self, joints, theta):
         return (per_joint("coulomb_asymmetry", joints),)
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         level = estimate.scene.coulomb[estimate.joints[0]]
         if abs(estimate.beta[0]) - 2 * estimate.std[0] > max(level, 0):
             return "the asymmetry is larger than the Coulomb level itself: one direction would be driven by friction"
@@ -83,7 +91,9 @@ class Stribeck(Effect):
     signals = ("dq",)
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), Eq. 8"
     aliases = (
-        Alias("hysteresis", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
+        Alias(
+            "hysteresis", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"
+        ),
         Alias("quadratic_drag", "speeds above 3 rad/s"),
     )
 
@@ -108,16 +118,29 @@ class Stribeck(Effect):
 
     def vague(self, scene, joints, theta):
         seen = scene.speed_range(joints[0])[1] / theta[0]
-        return "" if seen > CLEAR else f"speeds of more than {CLEAR:g} times the Stribeck speed ({seen:.2g} here): what falls so slowly may rise first"
+        return (
+            ""
+            if seen > CLEAR
+            else (
+                f"speeds of more than {CLEAR:g} times the Stribeck speed "
+                f"({seen:.2g} here): what falls so slowly may rise first"
+            )
+        )
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         if estimate.beta[0] < 0:
-            return "negative amplitude: friction falls towards zero speed, which is presliding or a soft sign, not Stribeck"
+            return (
+                "negative amplitude: friction falls towards zero speed, which "
+                "is presliding or a soft sign, not Stribeck"
+            )
         speed, scene, joint = estimate.theta[0], estimate.scene, estimate.joints[0]
         if speed > ENDED * scene.speed_range(joint)[1]:
             return "it falls over the whole range of speeds: a law of the low speeds has an end within it"
         if np.abs(scene.sign[np.abs(scene.motion.dq[:, joint]) <= speed, joint]).max(initial=0.0) < RISEN:
-            return "it falls where the smooth sign of the friction law has not risen yet: the form of that sign, not Stribeck"
+            return (
+                "it falls where the smooth sign of the friction law has not "
+                "risen yet: the form of that sign, not Stribeck"
+            )
         return ""
 
 
@@ -143,5 +166,5 @@ class QuadraticDrag(Effect):
         dq = scene.motion.dq[:, joints]
         return {f"a drag by the power {power:g} of the speed": dq * np.abs(dq) ** (power - 1) for power in POWERS}
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         return "negative drag feeds energy in" if estimate.beta[0] < 0 else ""

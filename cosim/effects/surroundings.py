@@ -4,7 +4,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
 
 _PLACES: WeakKeyDictionary = WeakKeyDictionary()
 
@@ -20,14 +20,17 @@ def _tip(motion) -> tuple[np.ndarray, np.ndarray]:
 
 DAMPED = 0.15  # of a wall's spring force: a damping below that is not told from none, whatever its sign
 LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
-UNUSUAL = 1.1  # times the squared error of another time constant than the usual one: by as much it may do better by chance
+UNUSUAL = (
+    1.1  # times the squared error of another time constant than the usual one: by as much it may do better by chance
+)
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
 class FrictionDrift(Effect):
     """Friction that changes over the recording, as by warming up; theta = (time constant T [s],).
 
-    A half of a recording hardly tells T, and what it says of it goes astray on the other half. T is the recording's length, between a
+    A half of a recording hardly tells T, and what it says of it goes astray on the other half. T is the recording's
+    length, between a
     drift that goes on as it began and one that is over, unless another leaves clearly less.
     """
 
@@ -37,7 +40,8 @@ class FrictionDrift(Effect):
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
-    form = 0.12  # of the first slope: T half or twice as long changes it by a quarter either way where the growth is the same
+    # of the first slope: T half or twice as long changes it by a quarter either way where the growth is the same
+    form = 0.12
     aliases = ()
     needs = "repeats of the same motion at different times"
 
@@ -55,31 +59,38 @@ class FrictionDrift(Effect):
         m, j = scene.motion, joints[0]
         clock = m.time - m.time.min()
         grown = theta[0] * -np.expm1(-clock / theta[0])[:, None]
-        return {j: grown * (max(scene.coulomb[j], 1e-9) * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])}
+        return {
+            j: grown
+            * (max(scene.coulomb[j], 1e-9) * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])
+        }
 
     def labels(self, joints, theta):
         return (per_joint("friction_drift", joints),)
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         slope = {per_joint("friction_drift", estimate.joints): float(estimate.beta[0])}
         if estimate.theta[0] > 0.1 * LASTING * np.ptp(estimate.scene.motion.time):
             return slope
         return slope | {per_joint("friction_drift_time", estimate.joints): estimate.theta[0]}
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         span, constant = np.ptp(estimate.scene.motion.time), estimate.theta[0]
         end = 1 + estimate.beta[0] * constant * -np.expm1(-span / constant)
         return "friction would fall below zero" if end < -0.2 else ""
 
 
 class ExternalContact(Effect):
-    """The tip touches something that was not declared: a wall of stiffness k; theta = (normal n, distance d [m], lead [s]).
+    """The tip touches something that was not declared: a wall of stiffness k; theta = (normal n, distance d [m], lead
+    [s]).
 
-    Linear in k and c where the wall pushes, which it does while n.x - d and n.x - d + lead n.dx > 0: lead is c / k where it fits best.
+    Linear in k and c where the wall pushes, which it does while n.x - d and n.x - d + lead n.dx > 0: lead is c / k
+    where it fits best.
     """
 
     name = "external_contact"
-    form = 0.01  # on rigs without noise both parameters are within half of that; a wall has little in common with the law of friction
+    # on rigs without noise both parameters are within half of that; a wall has little in common with the law of
+    # friction
+    form = 0.01
     title = "undeclared contact of the tip"
     equation = "tau += J^T n max(k (n.x - d) + c n.dx, 0) where n.x > d, k > 0"
     source = "unilateral spring"
@@ -121,35 +132,43 @@ class ExternalContact(Effect):
         pushes = (depth > 0) & (depth + ahead * speed > 0)
         return {j: arm[:, [j]] * np.where(pushes, (depth, speed), 0.0).T for j in range(3)}
 
-    def _damped(self, estimate: Estimate) -> float:
+    def _damped(self, estimate: EffectEstimate) -> float:
         """Size of the force of damping beside that of the spring."""
-        spring, damping = (np.concatenate(list(self.columns(estimate.scene, estimate.joints, estimate.theta).values())) * estimate.beta).T
+        spring, damping = (
+            np.concatenate(list(self.columns(estimate.scene, estimate.joints, estimate.theta).values())) * estimate.beta
+        ).T
         return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
 
     def labels(self, joints, theta):
         return ("contact_stiffness", "contact_damping")
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         values = super().parameters(estimate)
         return values | {"contact_damping": max(values["contact_damping"], 0.0)}
 
     def theta_labels(self, joints):
         return ("contact_normal[1]", "contact_normal[2]", "contact_normal[3]", "contact_distance")
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         if estimate.beta[0] < 0:
             return "a wall that pulls"
         if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
             return "damping of the wall that feeds energy in"
         x, _ = _tip(estimate.scene.motion)
         inside = float((x @ np.array(estimate.theta[:3]) > estimate.theta[3]).mean())
-        return f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a contact" if inside > 0.6 else ""
+        return (
+            f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a contact"
+            if inside > 0.6
+            else ""
+        )
 
 
 class JointCoupling(Effect):
-    """A torque on one joint from the motion of another; theta = (joint, shape, speed v over which the Coulomb part turns).
+    """A torque on one joint from the motion of another; theta = (joint, shape, speed v over which the Coulomb part
+    turns).
 
-    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own: what couples the joints need not turn with the other joint's own friction,
+    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own: what couples the joints need not turn with the other joint's
+    own friction,
     whose law is fitted without the rows near its reversals.
     """
 
@@ -161,14 +180,22 @@ class JointCoupling(Effect):
     aliases = ()
     needs = "the other joint's motion"
     SHAPES = ("viscous", "coulomb", "both", "spring")
-    WIDTHS = (0.003, 0.02, 0.1)  # of the other joint's top speed, over which the coupled Coulomb friction turns, to start from
+    WIDTHS = (
+        0.003,
+        0.02,
+        0.1,
+    )  # of the other joint's top speed, over which the coupled Coulomb friction turns, to start from
     SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded signal may follow
 
     def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
         if scene.joints == 1:
             return tuple((-1.0 - k, float(v)) for k in range(len(_speeds(scene))) for v in range(len(self.SHARED)))
         others = [j for j in range(scene.joints) if j != joints[0]]
-        shapes = [(k, w) for k, name in enumerate(self.SHAPES) for w in (self.WIDTHS if name in ("coulomb", "both") else (0.0,))]
+        shapes = [
+            (k, w)
+            for k, name in enumerate(self.SHAPES)
+            for w in (self.WIDTHS if name in ("coulomb", "both") else (0.0,))
+        ]
         return tuple((float(j), float(k), w * scene.speed_range(j)[1]) for j in others for k, w in shapes)
 
     def continuous(self, theta):
@@ -184,7 +211,8 @@ class JointCoupling(Effect):
         return {joints[0]: np.concatenate(parts, axis=1)}
 
     def _beside(self, scene: Scene, number: int, shape: str) -> np.ndarray:
-        """Viscous and Coulomb columns of the speed of a recorded signal, or of its sum or difference with the joint's own.
+        """Viscous and Coulomb columns of the speed of a recorded signal, or of its sum or difference with the joint's
+        own.
 
         A motor that drives two joints (TX40: q_m6 = 32 q6 + 32 q5) has its friction on the sum.
         """
@@ -200,10 +228,15 @@ class JointCoupling(Effect):
             return (f"coupling_viscous of {speed}", f"coupling_coulomb of {speed}")
         k = PAIRS.index((joints[0], int(theta[0]))) + 1
         shape = self.SHAPES[int(theta[1])]
-        names = {"viscous": ("viscous",), "coulomb": ("coulomb",), "both": ("viscous", "coulomb"), "spring": ("stiffness",)}[shape]
+        names = {
+            "viscous": ("viscous",),
+            "coulomb": ("coulomb",),
+            "both": ("viscous", "coulomb"),
+            "spring": ("stiffness",),
+        }[shape]
         return tuple(f"coupling_{n}[{k}]" for n in names)
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
         joints, theta = estimate.joints, estimate.theta
         values = dict(zip(self.labels(joints, theta), map(float, estimate.beta), strict=True))
         if self.continuous(theta):

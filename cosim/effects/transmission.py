@@ -1,7 +1,8 @@
 """Effects between motor and link: elasticity and backlash, seen by encoders on the motor.
 
 Friction stands at the motor. What the link does behind its encoder is simulated from the recorded motion of the motor
-(fmu_src/link/link.c); the torque that it takes from the motor replaces that of the rigid link, on other joints to first order.
+(fmu_src/link/link.c); the torque that it takes from the motor replaces that of the rigid link, on other joints to first
+order.
 """
 
 from collections.abc import Sequence
@@ -12,13 +13,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from attrs import frozen
 
-from cosim.effects.effect import Alias, Effect, Estimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
 
 _OTHER = "an encoder on the link, or excitation near the resonance"
 _SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
-STIFF = (70.0, 180.0, 450.0)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
+STIFF = (
+    70.0,
+    180.0,
+    450.0,
+)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
 DAMPINGS = (0.04, 0.2)  # damping ratios to start from
 MOST_STEPS = 500  # a sample; a link too light for them runs away and gives no column
 USUAL_START = 0.3  # standard deviation of what is not known of a start, in units of the usual twist
@@ -29,7 +34,9 @@ SMALL, CALM = 0.2, 0.5  # step of the simulated link times w, and times the rate
 
 
 def slopes(scene: Scene, joint: int) -> tuple[dict[int, np.ndarray], ...]:
-    """Derivatives of the rigid torque by q_j, dq_j and ddq_j along the motion, each joint -> (n,), formed once for a scene."""
+    """Derivatives of the rigid torque by q_j, dq_j and ddq_j along the motion, each joint -> (n,), formed once for a
+    scene.
+    """
     known = _SLOPES.setdefault(scene, {})
     if joint not in known:
         known[joint] = scene.rigid_slopes(joint)
@@ -48,7 +55,9 @@ def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarr
 
 
 def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
-    """The joint's own inertia (n,) along the motion, at least a tenth of its median on fitted rows, and that median [kg.m^2]."""
+    """The joint's own inertia (n,) along the motion, at least a tenth of its median on fitted rows, and that median
+    [kg.m^2].
+    """
     known = _SLOPES.setdefault(scene, {})
     if ("inertia", joint) not in known:
         own = slopes(scene, joint)[2][joint]
@@ -58,11 +67,14 @@ def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
 
 
 class JointElasticity(Effect):
-    """The link follows its motor through a spring; theta = (resonance w of the link [rad/s], damping ratio z, motor's share s of M).
+    """The link follows its motor through a spring; theta = (resonance w of the link [rad/s], damping ratio z, motor's
+    share s of M).
 
-    With the twist t = q_motor - q_link, the motor's inertia J = s M and the stiffness k = (1 - s) M w^2 at the median M of the motion,
+    With the twist t = q_motor - q_link, the motor's inertia J = s M and the stiffness k = (1 - s) M w^2 at the median M
+    of the motion,
     and the link's own torque tau_l = rigid torque - J ddq:
-    (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the motion.
+    (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the
+    motion.
     """
 
     name = "joint_elasticity"
@@ -110,20 +122,28 @@ class JointElasticity(Effect):
     def amount(self, beta, theta):
         return beta[:1]
 
-    def parameters(self, estimate: Estimate) -> dict[str, float]:
-        """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the motion; gap [rad]."""
+    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+        """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the
+        motion; gap [rad].
+        """
         (w, z, _, *gap), joints = estimate.theta, estimate.joints
         _, whole = inertia(estimate.scene, joints[0])
         link = whole * float(np.clip(_links_part(estimate), 0.02, 0.98))
-        values = {"joint_compliance": 1 / (link * w**2), "motor_inertia": whole - link, "joint_damping": 2 * z * w * link}
-        return {per_joint(name, joints): value for name, value in (*values.items(), *zip(("backlash",), gap, strict=False))}
+        values = {
+            "joint_compliance": 1 / (link * w**2),
+            "motor_inertia": whole - link,
+            "joint_damping": 2 * z * w * link,
+        }
+        return {
+            per_joint(name, joints): value for name, value in (*values.items(), *zip(("backlash",), gap, strict=False))
+        }
 
-    def unphysical(self, estimate: Estimate) -> str:
+    def unphysical(self, estimate: EffectEstimate) -> str:
         part = _links_part(estimate)
         return "" if 0.1 < part < 1.3 else f"the link would have {part:.2g} times the joint's inertia"
 
 
-def _links_part(estimate: Estimate) -> float:
+def _links_part(estimate: EffectEstimate) -> float:
     """The link's part of the joint's inertia."""
     return float((1 - estimate.theta[2]) * estimate.beta[0])
 
@@ -135,7 +155,9 @@ def _resonances(scene: Scene, ratio: float) -> np.ndarray:
 
 
 def pressed(scene: Scene, joint: int) -> int:
-    """Sign of the torque that a joint transmits where it hardly has the other one, so that a gap stays pressed to one side; else 0."""
+    """Sign of the torque that a joint transmits where it hardly has the other one, so that a gap stays pressed to one
+    side; else 0.
+    """
     for sign in (1, -1):
         if (sign * scene.rigid[:, joint] < 0).mean() < ONE_SIDED:
             return sign
@@ -171,15 +193,18 @@ class Backlash(JointElasticity):
 
 
 @frozen
-class _Start:
-    """Where the simulation of a run begins: its row; what motor and friction leave of the torque, and the acceleration, with their rates."""
+class _LinkStart:
+    """Where the simulation of a run begins: its row; what motor and friction leave of the torque, and the acceleration,
+    with their rates.
+    """
 
     row: int
     torque: np.ndarray | None = None  # (2,) value and rate; None where the joint stands
     acceleration: np.ndarray | None = None
 
     def state(self, spring: tuple[float, float, float], motor: float, resting: float) -> tuple[float, float]:
-        """Twist and its rate: what the spring transmits is seen at the motor, k t + c t' = torque - J ddq. At rest the spring carries
+        """Twist and its rate: what the spring transmits is seen at the motor, k t + c t' = torque - J ddq. At rest the
+        spring carries
         the link's own torque `resting`.
         """
         stiffness, damping, gap = spring
@@ -187,7 +212,7 @@ class _Start:
         return (value - damping / stiffness * rate) / stiffness + float(np.copysign(gap / 2, value)), rate / stiffness
 
 
-def _starts(scene: Scene, joint: int) -> tuple[_Start, ...]:
+def _starts(scene: Scene, joint: int) -> tuple[_LinkStart, ...]:
     """One for each run, behind the reach of the filter's edge, formed once for a scene."""
     known = _SLOPES.setdefault(scene, {})
     if ("starts", joint) not in known:
@@ -198,14 +223,16 @@ def _starts(scene: Scene, joint: int) -> tuple[_Start, ...]:
             row = min(a + reach, b - 1)
             slides = abs(scene.sign[a : row + reach, joint].mean()) > SLIDING
             both = np.stack((seen[row], rate[row]), axis=1)
-            starts.append(_Start(row, *both) if slides else _Start(a))
+            starts.append(_LinkStart(row, *both) if slides else _LinkStart(a))
         known["starts", joint] = tuple(starts)
     return known["starts", joint]
 
 
 @frozen
-class _Link:
-    """One link to simulate, as the numbers of fmu_src/link/link.c: with the joint's torque (driven) or swinging by itself."""
+class _SimulatedLink:
+    """One link to simulate, as the numbers of fmu_src/link/link.c: with the joint's torque (driven) or swinging by
+    itself.
+    """
 
     theta: Theta
     usual: float
@@ -223,21 +250,28 @@ class _Link:
         own = (1 - share) * self.usual
         return own * w**2, 2 * z * w * own, gap[0] if gap else 0.0
 
-    def lane(self, start: _Start, resting: float, lightest: float, drag: float, step: float) -> tuple[float, ...]:
-        """Its numbers for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per sample."""
+    def lane(self, start: _LinkStart, resting: float, lightest: float, drag: float, step: float) -> tuple[float, ...]:
+        """Its numbers for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per
+        sample.
+        """
         (stiffness, damping, gap), least = self.spring, 0.1 * (1 - self.theta[2]) * self.usual
         lightest = max(lightest - self.motor, least)
-        substeps = min(np.ceil(step * max(np.sqrt(stiffness / lightest) / SMALL, (damping + drag) / lightest / CALM)), MOST_STEPS)
+        substeps = min(
+            np.ceil(step * max(np.sqrt(stiffness / lightest) / SMALL, (damping + drag) / lightest / CALM)), MOST_STEPS
+        )
         state = start.state(self.spring, self.motor, resting) if self.driven else self.size
         return self.motor, least, float(self.driven), stiffness, damping, gap, *state, substeps
 
 
 def behind(scene: Scene, joint: int, thetas: Sequence[Theta]) -> list[dict[int, np.ndarray]]:
-    """For each theta, columns of a link that follows its motor through spring and gap, on every joint that feels it: torque with it less
+    """For each theta, columns of a link that follows its motor through spring and gap, on every joint that feels it:
+    torque with it less
     torque without.
 
-    A run that starts at rest starts against the side that the torque pushes to; one that starts in motion with the twist that its torque
-    shows. Without a gap everything is linear, and two more columns for each run (the first `STARTS`) are what the link adds that
+    A run that starts at rest starts against the side that the torque pushes to; one that starts in motion with the
+    twist that its torque
+    shows. Without a gap everything is linear, and two more columns for each run (the first `STARTS`) are what the link
+    adds that
     swings at its start, by its angle and by its speed.
     """
     motion, (_, usual) = scene.motion, inertia(scene, joint)
@@ -245,23 +279,31 @@ def behind(scene: Scene, joint: int, thetas: Sequence[Theta]) -> list[dict[int, 
     for theta in thetas:
         w, _, share, *gap = theta
         first.append(len(links))
-        links.append(_Link(theta, usual))
+        links.append(_SimulatedLink(theta, usual))
         if not gap:
             size = float(np.std(scene.rigid[:, joint] - share * usual * motion.ddq[:, joint])) / links[-1].spring[0]
-            links += [_Link(theta, usual, False, state) for state in ((size, 0.0), (0.0, w * size))]
+            links += [_SimulatedLink(theta, usual, False, state) for state in ((size, 0.0), (0.0, w * size))]
     swung, each = _swung(scene, joint, links), [motion.run == k for k in range(min(len(motion.bounds), STARTS))]
     out = []
     for start, stop in zip(first, (*first[1:], len(links)), strict=True):
         swings = [(swing, run[:, None]) for swing in range(start + 1, stop) for run in each]
-        out.append({j: np.concatenate([x[:, [start]], *(x[:, [swing]] * run for swing, run in swings)], axis=1) for j, x in swung.items()})
+        out.append(
+            {
+                j: np.concatenate([x[:, [start]], *(x[:, [swing]] * run for swing, run in swings)], axis=1)
+                for j, x in swung.items()
+            }
+        )
     return out
 
 
-def _swung(scene: Scene, joint: int, links: list[_Link]) -> dict[int, np.ndarray]:
+def _swung(scene: Scene, joint: int, links: list[_SimulatedLink]) -> dict[int, np.ndarray]:
     """Columns (n, links) of simulated links; zero before the start of each run and for a link that runs away."""
     motion, (mass, _), (by_q, by_dq, _) = scene.motion, inertia(scene, joint), slopes(scene, joint)
     none = np.zeros(len(mass))
-    along = [np.ascontiguousarray(x) for x in (mass, by_dq.get(joint, none), by_q.get(joint, none), scene.rigid[:, joint], motion.ddq[:, joint])]
+    along = [
+        np.ascontiguousarray(x)
+        for x in (mass, by_dq.get(joint, none), by_q.get(joint, none), scene.rigid[:, joint], motion.ddq[:, joint])
+    ]
     _, _, _, rigid, acceleration = along
     alone = (rigid[:, None] - acceleration[:, None] * [x.motor for x in links]) * [float(x.driven) for x in links]
     twist, transmitted = np.zeros_like(alone), alone.copy()
@@ -269,8 +311,15 @@ def _swung(scene: Scene, joint: int, links: list[_Link]) -> dict[int, np.ndarray
     for (_, end), start in zip(motion.bounds, _starts(scene, joint), strict=True):
         row = start.row
         lanes = np.array([x.lane(start, alone[row, k], *extremes) for k, x in enumerate(links)])
-        _library().links_behind(end - row, c_double(motion.step), len(links), *(_address(x[row:]) for x in along), _address(lanes),
-                                _address(twist[row:]), _address(transmitted[row:]))  # fmt: skip
+        _library().links_behind(
+            end - row,
+            c_double(motion.step),
+            len(links),
+            *(_address(x[row:]) for x in along),
+            _address(lanes),
+            _address(twist[row:]),
+            _address(transmitted[row:]),
+        )
     lost = ~(np.abs(twist).max(axis=0) < np.pi)  # a spring that gravity overcomes
     twist[:, lost], transmitted[:, lost] = 0.0, alone[:, lost]
     return displaced(scene, joint, -twist) | {joint: transmitted - alone}

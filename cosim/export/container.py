@@ -1,12 +1,16 @@
 """The wired scenario as one container FMU, for tools that read no SSP: fmpy's container with our FMUs inside.
 
-fmpy's writer is used (its binaries exist for x86_64 Linux, Windows and macOS and for aarch64 macOS); around it stand what
-it leaves to do: the start values are compiled into the components, the first variable is the time (the binary counts so),
+fmpy's writer is used (its binaries exist for x86_64 Linux, Windows and macOS and for aarch64 macOS); around it stand
+what
+it leaves to do: the start values are compiled into the components, the first variable is the time (the binary counts
+so),
 connections carry the FMI 3.0 type name that its binary expects for FMI 2.0 too, and the archive is packed again so that
 its bytes are reproducible.
 
-The container carries its connections over one after another, then steps every component. An output with direct feedthrough
-answers to an input that was set a moment before, so connections stand in an order that reads such outputs first: then the
+The container carries its connections over one after another, then steps every component. An output with direct
+feedthrough
+answers to an input that was set a moment before, so connections stand in an order that reads such outputs first: then
+the
 container does what the Jacobi algorithm with held inputs does.
 """
 
@@ -28,8 +32,9 @@ def write_container(wiring: Wiring, path: Path, fmi: int = 2) -> Path:
 
     Raises RunError where an FMU cannot be built.
     """
-    from build_fmus.archive import zip_bytes
     from fmpy.container_fmu.cli import create_container_fmu
+
+    from build_fmus.archive import zip_bytes
 
     fmus = component_fmus(wiring, fmi=fmi)
     with tempfile.TemporaryDirectory(prefix="cosim-container-") as folder:
@@ -37,8 +42,11 @@ def write_container(wiring: Wiring, path: Path, fmi: int = 2) -> Path:
         unpacked = Path(folder) / "container"
         unpacked.mkdir()
         create_container_fmu(_configuration(wiring, named, fmi), unpacked, Path(folder) / "container.fmu")
-        files = {p.relative_to(unpacked).as_posix(): p.read_bytes() for p in unpacked.rglob("*")
-                 if p.is_file() and p.name not in _FILES_OF_FMPY}  # fmt: skip
+        files = {
+            p.relative_to(unpacked).as_posix(): p.read_bytes()
+            for p in unpacked.rglob("*")
+            if p.is_file() and p.name not in _FILES_OF_FMPY
+        }
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(zip_bytes(files))
     return path
@@ -64,12 +72,22 @@ def _configuration(wiring: Wiring, fmus: Mapping[str, Path], fmi: int):
         found = variables[signal.component][signal.variable]
         return evolve(found, type="Float64") if found.type == "Real" else found
 
-    connections = [Connection(components[link.source.component], [port(link.source)], components[link.target.component],
-                              [port(link.target)]) for link in _read_first(wiring)]  # fmt: skip
+    connections = [
+        Connection(
+            components[link.source.component],
+            [port(link.source)],
+            components[link.target.component],
+            [port(link.target)],
+        )
+        for link in _read_first(wiring)
+    ]
     outer = {}
     for name in wiring.signals:
         component, _, variable = name.partition(".")
-        outer[name] = (_outer(name, variables[component][variable], fmi), [(components[component], variables[component][variable])])
+        outer[name] = (
+            _outer(name, variables[component][variable], fmi),
+            [(components[component], variables[component][variable])],
+        )
     description = _description(wiring, [_time(fmi), *(v for v, _ in outer.values())], components.values(), fmi)
     return Configuration(False, description, list(components.values()), connections, dict(outer.values()))
 
@@ -94,32 +112,54 @@ def _outer(name: str, inner, fmi: int):
     from fmpy.model_description import ModelVariable
 
     return ModelVariable(
-        name=name, type="Real" if fmi == 2 else "Float64", causality="output", variability="continuous", unit=inner.unit, canHandleMultipleSetPerTimeInstant=False,
+        name=name,
+        type="Real" if fmi == 2 else "Float64",
+        causality="output",
+        variability="continuous",
+        unit=inner.unit,
+        canHandleMultipleSetPerTimeInstant=False,
         description=inner.description,
-    )  # fmt: skip
+    )
 
 
 def _time(fmi: int):
     from fmpy.model_description import ModelVariable
 
-    return ModelVariable(name="time", type="Real" if fmi == 2 else "Float64", causality="independent",
-                         variability="continuous", unit="s", description="simulated time", canHandleMultipleSetPerTimeInstant=False)  # fmt: skip
+    return ModelVariable(
+        name="time",
+        type="Real" if fmi == 2 else "Float64",
+        causality="independent",
+        variability="continuous",
+        unit="s",
+        description="simulated time",
+        canHandleMultipleSetPerTimeInstant=False,
+    )
 
 
 def _description(wiring: Wiring, variables, components, fmi: int):
-    from build_fmus.cache import key_of
     from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, Unknown
+
+    from build_fmus.cache import key_of
 
     scenario = wiring.scenario
     token = key_of(scenario.name, repr(wiring.starts), *(c.modelDescription.guid for c in components))
     description = ModelDescription(
-        fmiVersion="2.0" if fmi == 2 else "3.0", modelName=scenario.name.replace("-", "_"), instantiationToken="{" + token[:36] + "}",
-        description=scenario.title or scenario.name, generationTool="haptic-cosim with fmpy", modelVariables=list(variables),
+        fmiVersion="2.0" if fmi == 2 else "3.0",
+        modelName=scenario.name.replace("-", "_"),
+        instantiationToken="{" + token[:36] + "}",
+        description=scenario.title or scenario.name,
+        generationTool="haptic-cosim with fmpy",
+        modelVariables=list(variables),
         unitDefinitions=_units(variables, components),
-        coSimulation=CoSimulation(modelIdentifier="container_fmu", canHandleVariableCommunicationStepSize=False,
-                                  fixedInternalStepSize=scenario.experiment.step),
-        defaultExperiment=DefaultExperiment(startTime="0.0", stopTime=repr(scenario.experiment.stop), stepSize=repr(scenario.experiment.step)),
-    )  # fmt: skip
+        coSimulation=CoSimulation(
+            modelIdentifier="container_fmu",
+            canHandleVariableCommunicationStepSize=False,
+            fixedInternalStepSize=scenario.experiment.step,
+        ),
+        defaultExperiment=DefaultExperiment(
+            startTime="0.0", stopTime=repr(scenario.experiment.stop), stepSize=repr(scenario.experiment.step)
+        ),
+    )
     description.outputs = [Unknown(variable=v) for v in variables if v.causality == "output"]
     description.initialUnknowns = [Unknown(variable=v) for v in variables if v.causality == "output"]
     return description

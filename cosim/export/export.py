@@ -22,7 +22,9 @@ class Exported:
     containers: tuple[Path, ...]
 
 
-def export(wiring: Wiring, folder: Path, platforms: Sequence[str] | None = None, progress: Progress | None = None) -> Exported:
+def export(
+    wiring: Wiring, folder: Path, platforms: Sequence[str] | None = None, progress: Progress | None = None
+) -> Exported:
     """Write fmi2/MODEL.fmu and fmi3/MODEL.fmu for every model, SCENARIO.ssp, and the containers fmi2|fmi3/SCENARIO.fmu.
 
     platforms: of the binaries inside (default: this machine). Raises InputError for an unknown platform, RunError where

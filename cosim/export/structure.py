@@ -3,20 +3,21 @@
 Parameter values stand at their component, because some tools drop those of the system, and are compiled into the
 component's own FMU too, because some (libcosim) know no enumerations; so are the values that its inputs have at the
 start, because some carry them over in one pass only. The structure has no place for the master's
-algorithm: an annotation of the Open Simulation Platform names the communication step, one of ours algorithm, extrapolation
-and the order of the components, which `cosim.ssp` reads.
+algorithm: an annotation of the Open Simulation Platform names the communication step, one of ours algorithm,
+extrapolation
+and the order of the components, which `cosim.scenario.ssp` reads.
 """
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as xml
 
+from cosim.engine.master import run
 from cosim.errors import RunError
 from cosim.fmu import describe, fmu_file
-from cosim.master import run
 from cosim.scenario import with_parameters
-from cosim.signals import Description, Unit, Variable
-from cosim.ssp import MASTER, VENDOR
+from cosim.scenario.ssp import MASTER, VENDOR
+from cosim.signals import FmuDescription, Unit, Variable
 from cosim.wiring import Wiring
 
 _NAMESPACES = {
@@ -47,7 +48,9 @@ def write_ssp(wiring: Wiring, path: Path, platforms: Sequence[str] | None = None
 
 
 def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: int = 2) -> dict[str, Path]:
-    """An FMU for every component; those of our models have parameters and inputs at t = 0 compiled in as start values."""
+    """An FMU for every component; those of our models have parameters and inputs at t = 0 compiled in as start
+    values.
+    """
     from build_fmus import BuildError, fmu_path
 
     inputs = _first_inputs(wiring)
@@ -55,8 +58,11 @@ def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: 
     fmus = {}
     for name, component in scenario.components.items():
         try:
-            fmus[name] = (fmu_path(component.model, fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name]) if component.model
-                          else fmu_file(component, scenario))  # fmt: skip
+            fmus[name] = (
+                fmu_path(component.model, fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name])
+                if component.model
+                else fmu_file(component, scenario)
+            )
         except BuildError as error:
             raise RunError(name, None, f"cannot be built: {error}") from None
     return fmus
@@ -76,7 +82,7 @@ def _numbers(starts: Mapping[str, float | str]) -> dict[str, float]:
     return {key: float(value) for key, value in starts.items()}
 
 
-def system_structure(wiring: Wiring, descriptions: Mapping[str, Description]) -> bytes:
+def system_structure(wiring: Wiring, descriptions: Mapping[str, FmuDescription]) -> bytes:
     """The SystemStructure.ssd of a scenario whose components' FMUs lie as resources/COMPONENT.fmu."""
     for prefix, uri in _NAMESPACES.items():
         xml.register_namespace(prefix, uri)
@@ -88,8 +94,14 @@ def system_structure(wiring: Wiring, descriptions: Mapping[str, Description]) ->
         _component(elements, name, f"resources/{name}.fmu", descriptions[name], wiring, place)
     connections = _element("ssd:Connections", system)
     for link in wiring.links:
-        _element("ssd:Connection", connections, startElement=link.source.component, startConnector=link.source.variable,
-                 endElement=link.target.component, endConnector=link.target.variable)  # fmt: skip
+        _element(
+            "ssd:Connection",
+            connections,
+            startElement=link.source.component,
+            startConnector=link.source.variable,
+            endElement=link.target.component,
+            endConnector=link.target.variable,
+        )
     _units(root, descriptions)
     _experiment(root, wiring)
     xml.indent(root)
@@ -103,15 +115,23 @@ def _element(qualified: str, parent=None, /, **attributes: str):
     return xml.Element(tag, attributes) if parent is None else xml.SubElement(parent, tag, attributes)
 
 
-def _component(elements, name: str, source: str, description: Description, wiring: Wiring, place: int) -> None:
-    component = _element("ssd:Component", elements, name=name, type="application/x-fmu-sharedlibrary", source=source,
-                         description=description.text)  # fmt: skip
+def _component(elements, name: str, source: str, description: FmuDescription, wiring: Wiring, place: int) -> None:
+    component = _element(
+        "ssd:Component",
+        elements,
+        name=name,
+        type="application/x-fmu-sharedlibrary",
+        source=source,
+        description=description.text,
+    )
     connectors = _element("ssd:Connectors", component)
     wired = {str(s) for link in wiring.links for s in (link.source, link.target)}
     for variable in description.variables.values():
         kind = variable.causality if variable.causality in ("input", "output") else None
         if kind and (kind == "output" or f"{name}.{variable.name}" in wired):
-            connector = _element("ssd:Connector", connectors, name=variable.name, kind=kind, description=variable.description)
+            connector = _element(
+                "ssd:Connector", connectors, name=variable.name, kind=kind, description=variable.description
+            )
             _type(connector, variable)
     x, y = 2 * _COLUMN * (place % 4), 2 * _ROW * (place // 4)
     _element("ssd:ElementGeometry", component, x1=f"{x:g}", y1=f"{y:g}", x2=f"{x + _COLUMN:g}", y2=f"{y + _ROW:g}")
@@ -123,12 +143,14 @@ def _type(connector, variable: Variable) -> None:
     _element(f"ssc:{kind}", connector, **({"unit": variable.unit.name} if kind == "Real" else {}))
 
 
-def _parameters(component, name: str, description: Description, starts: Mapping[str, float | str]) -> None:
+def _parameters(component, name: str, description: FmuDescription, starts: Mapping[str, float | str]) -> None:
     if not starts:
         return
     bindings = _element("ssd:ParameterBindings", component)
     values = _element("ssd:ParameterValues", _element("ssd:ParameterBinding", bindings))
-    parameters = _element("ssv:Parameters", _element("ssv:ParameterSet", values, version="1.0", name=f"{name} start values"))
+    parameters = _element(
+        "ssv:Parameters", _element("ssv:ParameterSet", values, version="1.0", name=f"{name} start values")
+    )
     for key, value in starts.items():
         variable = description.variables[key]
         parameter = _element("ssv:Parameter", parameters, name=key)
@@ -146,7 +168,7 @@ def _value(parameter, variable: Variable, value: float | str) -> None:
         _element("ssv:Integer", parameter, value=str(int(value)))
 
 
-def _units(root, descriptions: Mapping[str, Description]) -> None:
+def _units(root, descriptions: Mapping[str, FmuDescription]) -> None:
     found = {v.unit.name: v.unit for d in descriptions.values() for v in d.variables.values() if v.unit.name}
     if not found:
         return
@@ -167,7 +189,11 @@ def _experiment(root, wiring: Wiring) -> None:
     annotations = _element("ssd:Annotations", default)
     annotation = _element("ssc:Annotation", annotations, type="com.opensimulationplatform")
     _element("osp:FixedStepAlgorithm", _element("osp:Algorithm", annotation), baseStepSize=repr(experiment.step))
-    master = _element("master:Algorithm", _element("ssc:Annotation", annotations, type=VENDOR),
-                      name=experiment.algorithm.value, extrapolation=experiment.extrapolation.value)  # fmt: skip
+    master = _element(
+        "master:Algorithm",
+        _element("ssc:Annotation", annotations, type=VENDOR),
+        name=experiment.algorithm.value,
+        extrapolation=experiment.extrapolation.value,
+    )
     for name in wiring.order:
         _element("master:Component", master, name=name, stepMultiple=wiring.scenario.components[name].step_multiple)

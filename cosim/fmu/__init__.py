@@ -4,17 +4,17 @@ The only part of cosim that imports fmpy. One call sets the inputs of an instanc
 """
 
 from cosim.fmu.description import describe, descriptions
-from cosim.fmu.fmi2 import Fmi2Slave
-from cosim.fmu.fmi3 import Fmi3Slave
-from cosim.fmu.instance import FmuSlave
+from cosim.fmu.fmi2 import Fmi2Instance
+from cosim.fmu.fmi3 import Fmi3Instance
+from cosim.fmu.instance import FmuInstance
 from cosim.fmu.places import extracted, fmu_file, read_columns
 from cosim.fmu.system import FmuSet, load, open_system
 
 __all__ = [
-    "Fmi2Slave",
-    "Fmi3Slave",
+    "Fmi2Instance",
+    "Fmi3Instance",
+    "FmuInstance",
     "FmuSet",
-    "FmuSlave",
     "describe",
     "descriptions",
     "extracted",

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from cosim.signals import stem
-
-if TYPE_CHECKING:
-    from cosim.fmu.instance import FmuSlave
 
 
 def few(verb: str, names: Sequence[str]) -> str:
     """`get y, w, ...`: what a call is about, in a few words."""
     stems = list(dict.fromkeys(map(stem, names)))
     return f"{verb.lower()} {', '.join(stems[:4])}{', ...' if len(stems) > 4 else ''}"
+
+
+class StatusChecker(Protocol):
+    """Who knows what a status means: raises RunError for one above warning."""
+
+    def check(self, status: int, what: str) -> None: ...
 
 
 class Bank:
@@ -27,22 +30,24 @@ class Bank:
         self.call, self.what, self.array, self.buffer = call, what, array, buffer
         self.shared = buffer is array
 
-    def set(self, slave: FmuSlave) -> None:
+    def set(self, checker: StatusChecker) -> None:
         if not self.shared:
             self.buffer[:] = self.array
         if (status := self.call()) > 1:
-            slave.check(status, self.what)
+            checker.check(status, self.what)
 
-    def get(self, slave: FmuSlave) -> None:
+    def get(self, checker: StatusChecker) -> None:
         if (status := self.call()) > 1:
-            slave.check(status, self.what)
+            checker.check(status, self.what)
         if not self.shared:
             self.array[:] = self.buffer
 
 
 def caller(function, *arguments) -> Callable[[], int]:
+    """A call without arguments of an FMI function with these ones."""
     return lambda: function(*arguments)
 
 
 def pointer_to(array: np.ndarray, kind) -> ctypes._Pointer:
+    """The array as a C pointer."""
     return array.ctypes.data_as(ctypes.POINTER(kind))

@@ -9,15 +9,15 @@ from attrs import evolve
 from cosim.errors import InputError, Problem
 from cosim.fmu.places import Progress, digest, fmu_file, stamp
 from cosim.scenario import Scenario
-from cosim.signals import Description, Unit, Variable
+from cosim.signals import FmuDescription, Unit, Variable
 
 
-def describe(path: Path) -> Description:
+def describe(path: Path) -> FmuDescription:
     """What an FMU file says of itself. Raises InputError where it is no co-simulation FMU of FMI 2.0 or 3.0."""
     return _describe(str(path), *stamp(path))
 
 
-def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[str, Description]:
+def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[str, FmuDescription]:
     """The description of every component, FMUs built where they are missing. Raises InputError with every problem
     found.
     """
@@ -33,12 +33,12 @@ def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[s
 
 
 @lru_cache(maxsize=256)
-def _describe(path: str, modified: int, size: int) -> Description:
+def _describe(path: str, modified: int, size: int) -> FmuDescription:
     import fmpy
 
     try:
         model = fmpy.read_model_description(path, validate=False)
-    except Exception as error:  # fmpy raises bare exceptions for whatever it meets in a file
+    except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions for whatever it meets in a file
         raise InputError(Problem(path, "an FMU", str(error) or type(error).__name__)) from None
     if model.coSimulation is None or not model.fmiVersion.startswith(("2", "3")):
         raise InputError(
@@ -46,7 +46,7 @@ def _describe(path: str, modified: int, size: int) -> Description:
         )
     interface = model.coSimulation
     units = {u.name: _unit(u) for u in model.unitDefinitions}
-    return Description(
+    return FmuDescription(
         model.modelName,
         _variables(model, units),
         model.numberOfContinuousStates > 0 or _has_states(model),

@@ -11,11 +11,11 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from cosim.fmu.bank import Bank, caller, few, pointer_to
-from cosim.fmu.instance import LOADING, FmuSlave
+from cosim.fmu.instance import LOADING, FmuInstance
 from cosim.fmu.places import extracted
 
 
-class Fmi2Slave(FmuSlave):
+class Fmi2Instance(FmuInstance):
     """An FMI 2.0 co-simulation instance."""
 
     prefix = "fmi2"
@@ -85,18 +85,18 @@ class Fmi2Slave(FmuSlave):
             if self.fmu.getBooleanStatus(3):
                 return False
             reached = f"discarded at t = {self.fmu.getRealStatus(2):.9g} s"
-        except Exception:  # status functions are optional, and fmpy raises for each that is missing
+        except Exception:  # noqa: BLE001 - status functions are optional, and fmpy raises for each that is missing
             reached = "discarded at a time that the FMU does not tell"
         raise self._cut_short(reached)
 
 
-_SPEAKERS: WeakValueDictionary[int, FmuSlave] = (
+_SPEAKERS: WeakValueDictionary[int, FmuInstance] = (
     WeakValueDictionary()
 )  # by the environment that an FMU hands to its logger
 
 
-def _callbacks(slave: FmuSlave):
-    """Callbacks for FMI 2.0 whose logger finds the slave by the component environment.
+def _callbacks(instance: FmuInstance):
+    """Callbacks for FMI 2.0 whose logger finds the instance by the component environment.
 
     All instances share one logger, which lives as long as the process: fmpy's compiled helper, which fills in the
     printf marks of a message, remembers only the logger that it was given last.
@@ -107,8 +107,8 @@ def _callbacks(slave: FmuSlave):
     callbacks.logger = _logger2()
     callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
     callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-    callbacks.componentEnvironment = id(slave)
-    _SPEAKERS[id(slave)] = slave
+    callbacks.componentEnvironment = id(instance)
+    _SPEAKERS[id(instance)] = instance
     try:
         from fmpy.logging import addLoggerProxy
 
@@ -123,8 +123,8 @@ def _logger2():
     from fmpy import fmi2
 
     def hear(environment, name, status, category, text) -> None:
-        slave = _SPEAKERS.get(environment)
-        if slave is not None:
-            slave._log(status, text)
+        instance = _SPEAKERS.get(environment)
+        if instance is not None:
+            instance._log(status, text)
 
     return fmi2.fmi2CallbackLoggerTYPE(hear)

@@ -9,17 +9,25 @@ from pathlib import Path
 import numpy as np
 
 from cosim.fmu.bank import Bank, caller, few, pointer_to
-from cosim.fmu.instance import LOADING, FmuSlave
+from cosim.fmu.instance import LOADING, FmuInstance
 from cosim.fmu.places import extracted
 
 _CTYPES3 = {
-    "Float64": ctypes.c_double, "Float32": ctypes.c_float, "Boolean": ctypes.c_bool, "Int8": ctypes.c_int8,
-    "UInt8": ctypes.c_uint8, "Int16": ctypes.c_int16, "UInt16": ctypes.c_uint16, "Int32": ctypes.c_int32,
-    "UInt32": ctypes.c_uint32, "Int64": ctypes.c_int64, "UInt64": ctypes.c_uint64,
-}  # fmt: skip
+    "Float64": ctypes.c_double,
+    "Float32": ctypes.c_float,
+    "Boolean": ctypes.c_bool,
+    "Int8": ctypes.c_int8,
+    "UInt8": ctypes.c_uint8,
+    "Int16": ctypes.c_int16,
+    "UInt16": ctypes.c_uint16,
+    "Int32": ctypes.c_int32,
+    "UInt32": ctypes.c_uint32,
+    "Int64": ctypes.c_int64,
+    "UInt64": ctypes.c_uint64,
+}
 
 
-class Fmi3Slave(FmuSlave):
+class Fmi3Instance(FmuInstance):
     """An FMI 3.0 co-simulation instance; slopes go to the generated inputs der(u)."""
 
     prefix = "fmi3"
@@ -29,9 +37,11 @@ class Fmi3Slave(FmuSlave):
 
         with LOADING:
             fmu = fmi3.FMU3Slave(
-                guid=self.description.token, modelIdentifier=self.description.identifier, instanceName=self.name,
+                guid=self.description.token,
+                modelIdentifier=self.description.identifier,
+                instanceName=self.name,
                 unzipDirectory=str(extracted(Path(self.description.path))),
-            )  # fmt: skip
+            )
             fmu.instantiate(logMessage=lambda _, status, category, text: self._log(status, text))
         self.flags = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
         self.reached = ctypes.c_double()
@@ -73,9 +83,15 @@ class Fmi3Slave(FmuSlave):
         self.time = time
         event, terminate, early = self.flags
         status = self.function("DoStep")(
-            self.component, time, size, True, ctypes.byref(event), ctypes.byref(terminate), ctypes.byref(early),
+            self.component,
+            time,
+            size,
+            True,
+            ctypes.byref(event),
+            ctypes.byref(terminate),
+            ctypes.byref(early),
             ctypes.byref(self.reached),
-        )  # fmt: skip
+        )
         going = self.judge(status)
         self.time = time + size
         return going

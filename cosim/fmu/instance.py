@@ -11,18 +11,18 @@ import numpy as np
 
 from cosim.errors import RunError
 from cosim.fmu.bank import Bank, pointer_to
-from cosim.signals import Description
-from cosim.slave import Slave
+from cosim.fmu.contract import Instance
+from cosim.signals import FmuDescription
 
 LOADING = threading.Lock()  # fmpy changes the working directory while it loads a library
 
 
-class FmuSlave(Slave):
+class FmuInstance(Instance):
     """An instance of an FMU, FMI 2.0 or 3.0; errors carry its name, its time and the FMU's own words."""
 
     prefix = ""
 
-    def __init__(self, name: str, description: Description) -> None:
+    def __init__(self, name: str, description: FmuDescription) -> None:
         super().__init__(name, description)
         self.messages: deque[str] = deque(maxlen=8)
         self.fmu = self._load()
@@ -158,7 +158,9 @@ class FmuSlave(Slave):
         seed, into = pointer_to(np.ones(1), ctypes.c_double), pointer_to(column, ctypes.c_double)
         rest = (1, seed, into) if self.prefix == "fmi2" else (1, seed, 1, into, count)
         for k, known in enumerate(knowns):
-            self.check(call(self.component, rows, count, self.references([known]), *rest), f"directional derivative by {known}")
+            self.check(
+                call(self.component, rows, count, self.references([known]), *rest), f"directional derivative by {known}"
+            )
             found[:, k] = column
         return found
 
@@ -177,7 +179,9 @@ class FmuSlave(Slave):
         return RunError(self.name, self.time, f"{words} [{what}]" if words else what)
 
     def _cut_short(self, reached: str) -> RunError:
-        """The error of a step that the FMU carried out in part only. It is not repeated: that needs the state before it."""
+        """The error of a step that the FMU carried out in part only. It is not repeated: that needs the state before
+        it.
+        """
         advice = f"take a shorter communication step (experiment.step, or {self.name}.step_multiple)"
         return self._error(f"step cut short, {reached}; {advice}")
 

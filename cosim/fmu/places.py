@@ -104,10 +104,12 @@ def extracted(path: Path) -> Path:
 
 
 def stamp(path: Path) -> tuple[int, int]:
+    """Time of the last change and size of a file."""
     state = path.stat()
     return state.st_mtime_ns, state.st_size
 
 
 @lru_cache(maxsize=256)
 def digest(path: str, modified: int, size: int) -> str:
+    """SHA-256 of a file; read once for each change of it."""
     return sha256(Path(path).read_bytes()).hexdigest()

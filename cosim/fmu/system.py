@@ -6,12 +6,12 @@ from attrs import frozen
 
 from cosim.errors import RunError
 from cosim.fmu.description import descriptions
-from cosim.fmu.fmi2 import Fmi2Slave
-from cosim.fmu.fmi3 import Fmi3Slave
-from cosim.fmu.instance import FmuSlave
+from cosim.fmu.fmi2 import Fmi2Instance
+from cosim.fmu.fmi3 import Fmi3Instance
+from cosim.fmu.instance import FmuInstance
 from cosim.fmu.places import Progress
 from cosim.scenario import Scenario
-from cosim.signals import Description
+from cosim.signals import FmuDescription
 from cosim.wiring import Wiring, restarted, wire
 
 
@@ -24,53 +24,59 @@ class _Wired:
 
 
 class FmuSet:
-    """FMUs of a scenario, loaded once and reset between runs; a context manager (see cosim.master.System)."""
+    """FMUs of a scenario, loaded once and reset between runs; a context manager (see cosim.engine.master.System)."""
 
     def __init__(self, scenario: Scenario, progress: Progress | None = None) -> None:
         self.progress = progress
-        self.loaded: dict[str, FmuSlave] = {}
+        self.loaded: dict[str, FmuInstance] = {}
         self.last: _Wired | None = None
-        self.bench: list[FmuSlave] = []
-        self.memory: dict = {}  # what repeated runs keep (see cosim.master.System)
+        self.ready: list[FmuInstance] = []
+        self.prepared: dict[
+            tuple[str, ...] | None, object
+        ] = {}  # what repeated runs have in common (see cosim.engine.master.System)
         self.wiring(scenario)
 
     def wiring(self, scenario: Scenario) -> Wiring:
         """The checked wiring of a scenario; scenarios may differ from run to run in anything. Raises InputError."""
         last = self.last
-        if last is None or last.scenario is not scenario and (last.scenario, last.scenario.folder) != (scenario, scenario.folder):
+        if last is None or (
+            last.scenario is not scenario and (last.scenario, last.scenario.folder) != (scenario, scenario.folder)
+        ):
             wiring = restarted(last.wiring, scenario) if last else None
             if wiring is None:
-                self.memory.clear()
+                self.prepared.clear()
             self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
         return self.last.wiring
 
-    def slaves(self, wiring: Wiring) -> list[FmuSlave]:
+    def instances(self, wiring: Wiring) -> list[FmuInstance]:
         """An instance for each component, in the order of the scenario; loaded where it was not yet. Raises RunError.
 
         The same list as before where nothing changed.
         """
-        found = [self.slave(name, wiring.descriptions[name]) for name in wiring.scenario.components]
-        if len(found) != len(self.bench) or any(one is not other for one, other in zip(found, self.bench)):
-            self.bench = found
-            self.memory.clear()
-        return self.bench
+        found = [self.instance(name, wiring.descriptions[name]) for name in wiring.scenario.components]
+        if len(found) != len(self.ready) or any(one is not other for one, other in zip(found, self.ready)):
+            self.ready = found
+            self.prepared.clear()
+        return self.ready
 
-    def slave(self, name: str, description: Description) -> FmuSlave:
+    def instance(self, name: str, description: FmuDescription) -> FmuInstance:
         """The instance of one component, loaded where it was not yet. Raises RunError."""
-        slave = self.loaded.get(name)
-        if slave is None or slave.description is not description and slave.description.sha256 != description.sha256:
-            if slave is not None:
-                slave.close()
+        instance = self.loaded.get(name)
+        if instance is None or (
+            instance.description is not description and instance.description.sha256 != description.sha256
+        ):
+            if instance is not None:
+                instance.close()
             self.loaded[name] = load(name, description)
         return self.loaded[name]
 
     def close(self) -> None:
         """Free every instance."""
-        for slave in self.loaded.values():
-            slave.close()
+        for instance in self.loaded.values():
+            instance.close()
         self.loaded.clear()
-        self.bench = []
-        self.memory.clear()
+        self.ready = []
+        self.prepared.clear()
 
     def __enter__(self) -> FmuSet:
         return self
@@ -79,14 +85,14 @@ class FmuSet:
         self.close()
 
 
-def load(name: str, description: Description) -> FmuSlave:
+def load(name: str, description: FmuDescription) -> FmuInstance:
     """Load the library of an FMU and instantiate it under the given name. Raises RunError."""
-    kind = Fmi3Slave if description.fmi.startswith("3") else Fmi2Slave
+    kind = Fmi3Instance if description.fmi.startswith("3") else Fmi2Instance
     try:
         return kind(name, description)
     except RunError:
         raise
-    except Exception as error:  # fmpy raises bare exceptions: no binary for this platform, wrong token, ...
+    except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions: no binary for this platform, wrong token, ...
         raise RunError(name, None, f"cannot be loaded: {error}") from None
 
 

@@ -4,7 +4,7 @@ import math
 from importlib.metadata import version
 
 from cosim.identify.identification import Identification, unexcited
-from cosim.identify.idim import Fit, Idim
+from cosim.identify.idim import Idim, IdimFit
 
 
 def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict:
@@ -71,7 +71,7 @@ def _idim(idim: Idim | None) -> dict | None:
     }
 
 
-def _fit(fit: Fit) -> dict:
+def _fit(fit: IdimFit) -> dict:
     names = ("inertia", "viscous", "coulomb", "offset", "gravity_sin", "gravity_cos")
     return {
         "parameters": dict(zip(names, fit.params.tolist(), strict=False)),

@@ -1,5 +1,6 @@
 """Least squares for stacked equations: ordinary, weighted by joint, Huber-weighted, and constrained to a physical
-arm."""
+arm.
+"""
 
 import numpy as np
 from attrs import frozen
@@ -13,7 +14,7 @@ RANK = 1e-8  # singular values of the scaled regressor below this share of the l
 
 
 @frozen(eq=False)
-class Estimate:
+class ParameterEstimate:
     """params (p,), weights (m,) of the equations that were used, sigma (nj,): rms residual of each joint."""
 
     params: np.ndarray
@@ -30,7 +31,7 @@ def solve(y: np.ndarray, tau: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=RANK)[0] / scale
 
 
-def estimate(stack: Stack, method: Method, device: str) -> Estimate:
+def estimate(stack: Stack, method: Method, device: str) -> ParameterEstimate:
     """Fit the training equations by the method's least squares."""
     y, tau, joint, _ = stack.equations(stack.fit)
     weights, sigma = np.ones(len(tau)), np.ones(stack.tau.shape[1])
@@ -44,7 +45,7 @@ def estimate(stack: Stack, method: Method, device: str) -> Estimate:
     if method.physical:
         params = _physical(y, tau, weights, params, device, stack.names)
     sigma = joint_sigma(tau - y @ params, joint, len(sigma), False)
-    return Estimate(params, weights, sigma)
+    return ParameterEstimate(params, weights, sigma)
 
 
 def joint_sigma(residual: np.ndarray, joint: np.ndarray, joints: int, robust: bool) -> np.ndarray:
@@ -96,7 +97,8 @@ def _block(params: np.ndarray, sine: float) -> float:
 
 def _linear_limits(device: str, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Rows and bounds of A params >= b: friction dissipates, inertia is positive, M11 > 0 on a grid of the
-    workspace."""
+    workspace.
+    """
     floor = {name: 0.0 for name in names if name.startswith(("viscous", "coulomb"))}
     floor |= {name: 1e-6 for name in names if name in ("inertia", "d5", "d6")}
     rows = [np.eye(len(names))[names.index(name)] for name in floor]

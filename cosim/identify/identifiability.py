@@ -14,7 +14,8 @@ INFLATION = (
 @frozen(eq=False)
 class Identifiability:
     """condition: of the scaled base columns; base: numbers of an independent set of columns; unexcited: names;
-    combinations: dependent column -> the base columns that carry it, in words."""
+    combinations: dependent column -> the base columns that carry it, in words.
+    """
 
     condition: float
     rank: int

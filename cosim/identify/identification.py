@@ -5,7 +5,7 @@ from attrs import evolve, field, frozen
 
 from cosim.arm.workspace import definiteness
 from cosim.errors import InputError, Problem
-from cosim.identify.estimate import Estimate, estimate
+from cosim.identify.estimate import ParameterEstimate, estimate
 from cosim.identify.identifiability import Identifiability, identifiability
 from cosim.identify.intervals import Spread, spread
 from cosim.identify.method import Method, suggested, taati
@@ -69,7 +69,7 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
     method = method or suggested(recording)
     full = _with_plausible_tail(stack(recording, method), method, recording)
     _enough(full, recording)
-    shown, base, fitted, widths = _fit(full, method, recording)
+    shown, _base, fitted, widths = _fit(full, method, recording)
     params = _spread_out(fitted.params, shown.base, full.y.shape[2])
     definite, doubts = _physics(recording, full.names, params)
     found = Identification(
@@ -88,7 +88,7 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
     return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *_doubts(found)))
 
 
-def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiability, Stack, Estimate, Spread]:
+def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiability, Stack, ParameterEstimate, Spread]:
     """Base parameters, their estimate and its spread."""
     shown = identifiability(full)
     base = evolve(full, y=full.y[:, :, shown.base], names=tuple(full.names[k] for k in shown.base))
@@ -99,7 +99,8 @@ def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiabi
 def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> Stack:
     """Keep a `slow` column only where the data lean to it and it is that of a smoothed sign: Coulomb friction that
     falls short
-    at the slowest rows, by less than half of it. Elsewhere it would only widen the intervals."""
+    at the slowest rows, by less than half of it. Elsewhere it would only widen the intervals.
+    """
     tails = [name for name in full.names if name.startswith("slow")]
     if not tails:
         return full
@@ -114,7 +115,8 @@ def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> S
     ]
     kept = without(full, tuple(doubtful))
     notes = [
-        f"{name}: Coulomb friction falls short by {-100 * value[name] / value[coulomb_name(name)]:.2g} % at the slowest rows in use, as "
+        f"{name}: Coulomb friction falls short by "
+        f"{-100 * value[name] / value[coulomb_name(name)]:.2g} % at the slowest rows in use, as "
         "a smooth sign of dq does; a column for it is fitted along"
         for name in tails
         if name not in doubtful
@@ -155,7 +157,9 @@ def _spread_out(values: np.ndarray, base: tuple[int, ...], size: int) -> np.ndar
     return full
 
 
-def _parameters(full: Stack, shown: Identifiability, fitted: Estimate, widths: Spread) -> tuple[Parameter, ...]:
+def _parameters(
+    full: Stack, shown: Identifiability, fitted: ParameterEstimate, widths: Spread
+) -> tuple[Parameter, ...]:
     """All parameters in order; one outside the base is zero without an interval (its effect is in the base ones)."""
     table = []
     for k, (name, unit) in enumerate(zip(full.names, full.units, strict=True)):
@@ -188,7 +192,8 @@ def _physics(recording: Recording, names: tuple[str, ...], params: np.ndarray) -
     for name, value in values.items():
         if name.startswith("viscous") and value < 0:
             doubts.append(
-                f"{name} = {value:.3g} is negative: it would feed energy in; a Stribeck effect that the model lacks, or "
+                f"{name} = {value:.3g} is negative: it would feed energy in; a "
+                f"Stribeck effect that the model lacks, or "
                 "the sign of dq at reversals, makes least squares give this (see close-loop)"
             )
         if name.startswith("coulomb") and value < 0:
@@ -220,11 +225,15 @@ def _shifted(found: Identification) -> list[str]:
     shift, std = float(fitted.params[-1]), float(spread(wider, fitted).std[-1])
     if abs(shift) < 0.25 or abs(shift) < 4 * std:
         return []
-    way, advice = ("early", "a command that is held until the next sample is half a sample early: say torque_held = true")
+    way, advice = (
+        "early",
+        "a command that is held until the next sample is half a sample early: say torque_held = true",
+    )
     if shift < 0:
         way, advice = ("late", "a filter on one side, or stamps taken at another time")
     return [
-        f"tau is {way} against q by {abs(shift):.2g} samples ({abs(shift) * step * 1e3:.2g} ms, +-{2 * std:.1g} samples): {advice}; "
+        f"tau is {way} against q by {abs(shift):.2g} samples "
+        f"({abs(shift) * step * 1e3:.2g} ms, +-{2 * std:.1g} samples): {advice}; "
         "a lag or delay of the actuator looks the same (close-loop tells)"
     ]
 
@@ -237,7 +246,9 @@ def _against_declared(found: Identification) -> list[str]:
     pairs = [(p, value) for p, value in zip(found.parameters, description.declared_pi, strict=False)]
     outside = [p.name for p, value in pairs if not p.interval[0] <= value <= p.interval[1]]
     names = ", ".join(outside)
-    text = f"declared parameters outside their 95 % intervals: {names} (a payload, a gain error, or a wrong declaration)"
+    text = (
+        f"declared parameters outside their 95 % intervals: {names} (a payload, a gain error, or a wrong declaration)"
+    )
     return [text] if outside else []
 
 
@@ -253,7 +264,8 @@ def _outside(full: Stack) -> list[str]:
 def unexcited(found: Identification) -> tuple[str, ...]:
     """Names that the motion did not excite: dependent columns, joints that hardly left their encoder's counts, and
     PHANToM
-    parameters whose interval is wider than their usual size."""
+    parameters whose interval is wider than their usual size.
+    """
     names = list(found.identifiability.unexcited)
     names += [name for name in _of_still_joints(found) if name not in names]
     if found.recording.device == "phantom":
@@ -268,7 +280,8 @@ def unexcited(found: Identification) -> tuple[str, ...]:
 def _of_still_joints(found: Identification) -> list[str]:
     """Parameters that only the motion of a still joint shows. There the columns are the encoder's noise, and least
     squares
-    is sure of a wrong value (errors in variables)."""
+    is sure of a wrong value (errors in variables).
+    """
     own = {0: ("d1", "d2", "d3"), 1: ("d5",), 2: ("d6",)} if found.recording.device == "phantom" else {0: ("inertia",)}
     names = []
     for joint in range(len(found.recording.joints)):

@@ -16,9 +16,10 @@ CUTOFF, DROPPED, FACTOR = 100.0, 49, 10
 
 
 @frozen(eq=False)
-class Fit:
+class IdimFit:
     """params (inertia, viscous, coulomb, offset, gravity ...) and their relative errors [%] on training and held-out
-    rows."""
+    rows.
+    """
 
     params: np.ndarray
     train: float
@@ -29,17 +30,19 @@ class Fit:
 class Idim:
     """published: as the authors do it; other: another parameter vector on exactly these rows; recentred: the authors'
     way with
-    the force as the mean over one sample either side of its stamp, which is what a digital controller's output is."""
+    the force as the mean over one sample either side of its stamp, which is what a digital controller's output is.
+    """
 
-    published: Fit
-    other: Fit
-    recentred: Fit | None
+    published: IdimFit
+    other: IdimFit
+    recentred: IdimFit | None
     text: str = "IDIM-LS (Janot et al. 2019): Butterworth 4 at 100 Hz zero phase, decimated by 10, sgn(dq), all rows"
 
 
 def idim(recording: Recording, other: np.ndarray) -> Idim | None:
     """IDIM-LS of an `axis` recording, beside the errors of the parameters `other`; None where the rate is too low for
-    it."""
+    it.
+    """
     if recording.device != "axis" or any(run.step > 1.3e-3 for run in recording.runs):
         return None
     train, held = _rows(recording, False), _rows(recording, True)
@@ -65,12 +68,12 @@ def _rows(recording: Recording, test: bool) -> tuple[np.ndarray, np.ndarray] | N
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True)) if parts else None
 
 
-def _fit(train, held) -> Fit:
+def _fit(train, held) -> IdimFit:
     return _judged(np.linalg.lstsq(*train, rcond=None)[0], train, held)
 
 
-def _judged(params: np.ndarray, train, held) -> Fit:
-    return Fit(params, _error(*train, params), float("nan") if held is None else _error(*held, params))
+def _judged(params: np.ndarray, train, held) -> IdimFit:
+    return IdimFit(params, _error(*train, params), float("nan") if held is None else _error(*held, params))
 
 
 def _stretch(rows: np.ndarray) -> slice | None:

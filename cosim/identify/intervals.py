@@ -7,7 +7,7 @@ into contiguous blocks longer than the residual's memory, and each block is left
 import numpy as np
 from attrs import frozen
 
-from cosim.identify.estimate import Estimate
+from cosim.identify.estimate import ParameterEstimate
 from cosim.identify.stack import Stack
 
 LEVEL = 0.95
@@ -25,7 +25,7 @@ class Spread:
     effective: np.ndarray
 
 
-def spread(stack: Stack, estimate: Estimate) -> Spread:
+def spread(stack: Stack, estimate: ParameterEstimate) -> Spread:
     """Standard deviations and 95 % half-widths of the estimate's parameters."""
     y, tau, joint, stamp = stack.equations(stack.fit)
     residual = tau - y @ estimate.params
@@ -59,7 +59,8 @@ def _variance(residual: np.ndarray, weights: np.ndarray, parameters: int) -> flo
 
 def _memory(stack: Stack, residual: np.ndarray, joint: np.ndarray, stamp: np.ndarray, j: int) -> float:
     """Integrated autocorrelation 1 + 2 sum rho_k of a joint's residual in rows, up to where rho first falls below
-    0.05."""
+    0.05.
+    """
     series = np.zeros(len(stack.time))
     present = np.zeros(len(stack.time))
     mine = joint == j

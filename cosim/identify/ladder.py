@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
+from cosim.engine.master import Result, run
+from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
-from cosim.master import Result, run
-from cosim.outcome import Outcome
 from cosim.scenario import Scenario, load_scenario, with_parameters
 
 GAINS = (
@@ -36,7 +36,8 @@ REST = 0.05  # rad/s rms over the last 0.4 s of a half pulse
 @frozen
 class Rung:
     """One gain with one parameter set: proportional, derivative gains, whether it held, RMS error of each joint
-    [rad]."""
+    [rad].
+    """
 
     parameters: str
     proportional: float

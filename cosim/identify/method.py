@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.errors import InputError, Problem
-from cosim.measured.filtering import FirstOrder, LowPass, Motion, Window, ZeroPhase, bandwidth, near_reversal
+from cosim.measured.filtering import FilteredMotion, FirstOrder, LowPass, Window, ZeroPhase, bandwidth, near_reversal
 from cosim.measured.recording import Recording
 
 
@@ -20,9 +20,10 @@ class Reversals(ABC):
         return None
 
     @abstractmethod
-    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
+    def keep(self, motion: FilteredMotion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         """Rows to use, (n, nj) bool; the filters smear over `spread` rows; usual_speed (nj,) is the rms of dq over
-        all runs."""
+        all runs.
+        """
 
     @abstractmethod
     def text(self) -> str:
@@ -43,7 +44,7 @@ class LeaveOut(Reversals):
     def slowest(self, usual_speed: np.ndarray) -> np.ndarray | None:
         return None if self.smoothing else self.share * usual_speed
 
-    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
+    def keep(self, motion: FilteredMotion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         columns = zip(motion.dq.T, self.share * usual_speed, strict=True)
         return ~np.stack([near_reversal(dq, motion.step, spread, limit) for dq, limit in columns], axis=1)
 
@@ -60,7 +61,7 @@ class SmoothLaw(Reversals):
 
     smoothing: float = 0.01
 
-    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
+    def keep(self, motion: FilteredMotion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         return np.ones(motion.dq.shape, bool)
 
     def text(self) -> str:
@@ -71,7 +72,7 @@ class SmoothLaw(Reversals):
 class KeepAll(Reversals):
     """All rows with sgn(dq), as the paper does."""
 
-    def keep(self, motion: Motion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
+    def keep(self, motion: FilteredMotion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         return np.ones(motion.dq.shape, bool)
 
     def text(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from attrs import frozen
 
 from cosim.arm import dynamics
-from cosim.measured.filtering import LowPass, Motion, derivative
+from cosim.measured.filtering import FilteredMotion, LowPass, derivative
 from cosim.measured.recording import Recording
 
 GRAVITY = 9.81
@@ -20,7 +20,7 @@ PHANTOM_UNITS = ("kg.m2",) * 6 + ("N.m",) * 2
 
 
 @frozen(eq=False)
-class Columns:
+class RegressorColumns:
     """Filtered linear model of one run: y (n, nj, p), tau (n, nj), with names and units of the p parameters."""
 
     y: np.ndarray
@@ -71,17 +71,21 @@ def slow_columns(dq: np.ndarray, slowest: np.ndarray) -> np.ndarray:
     return tail[:, :, None] * np.eye(dq.shape[1])
 
 
-def phantom(motion: Motion, low_pass: LowPass, velocity: float = 0.0) -> Columns:
+def phantom(motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
     """The 14 parameters of the arm, Taati Eq. 13, with the sign of Eq. 4 put right (PHYSICS.md 2)."""
     q, dq, step = motion.q, motion.dq, motion.step
     inertial = low_pass.rate(momentum(q, dq), step) - low_pass.low(kinetic_slope(q, dq), step)
     rest = low_pass.low(np.concatenate([gravity_columns(q), friction_columns(dq, velocity)], axis=2), step)
     y = np.concatenate([inertial + rest[:, :, :8], rest[:, :, 8:]], axis=2)
     names = (*PHANTOM_NAMES, *(f"viscous[{j}]" for j in (1, 2, 3)), *(f"coulomb[{j}]" for j in (1, 2, 3)))
-    return Columns(y, low_pass.low(motion.tau, step), names, (*PHANTOM_UNITS, *("N.m.s/rad",) * 3, *("N.m",) * 3))
+    return RegressorColumns(
+        y, low_pass.low(motion.tau, step), names, (*PHANTOM_UNITS, *("N.m.s/rad",) * 3, *("N.m",) * 3)
+    )
 
 
-def axis(motion: Motion, low_pass: LowPass, gravity: bool, prismatic: bool, velocity: float = 0.0) -> Columns:
+def axis(
+    motion: FilteredMotion, low_pass: LowPass, gravity: bool, prismatic: bool, velocity: float = 0.0
+) -> RegressorColumns:
     """One joint: inertia ddq + viscous dq + coulomb sgn(dq) + offset (+ gravity_sin sin q + gravity_cos cos q)."""
     q, dq, step = motion.q, motion.dq, motion.step
     plain = [dq, dynamics.direction(dq, velocity), np.ones_like(dq)]
@@ -90,10 +94,10 @@ def axis(motion: Motion, low_pass: LowPass, gravity: bool, prismatic: bool, velo
     names = ("inertia", "viscous", "coulomb", "offset", *(("gravity_sin", "gravity_cos") if gravity else ()))
     turning = ("kg.m2", "N.m.s/rad", "N.m", "N.m", "N.m", "N.m")
     units = ("kg", "N.s/m", "N", "N") if prismatic else turning[: len(names)]
-    return Columns(y, low_pass.low(motion.tau, step), names, units[: len(names)])
+    return RegressorColumns(y, low_pass.low(motion.tau, step), names, units[: len(names)])
 
 
-def given(motion: Motion, low_pass: LowPass, names: tuple[str, ...], velocity: float = 0.0) -> Columns:
+def given(motion: FilteredMotion, low_pass: LowPass, names: tuple[str, ...], velocity: float = 0.0) -> RegressorColumns:
     """Given inertial and gravity columns of one joint beside viscous, Coulomb friction and offset.
 
     A given rigid torque is one column `rigid` where there are no regressor columns, and left out where there are.
@@ -103,7 +107,7 @@ def given(motion: Motion, low_pass: LowPass, names: tuple[str, ...], velocity: f
     labels = names if run.regressor is not None else ("rigid",)
     y = np.concatenate([rigid, dq, dynamics.direction(dq, velocity), np.ones_like(dq)], axis=1)
     units = ("",) * len(labels) + ("N.m.s/rad", "N.m", "N.m")
-    return Columns(
+    return RegressorColumns(
         low_pass.low(y, step)[:, None, :],
         low_pass.low(motion.tau, step),
         (*labels, "viscous", "coulomb", "offset"),
@@ -111,7 +115,7 @@ def given(motion: Motion, low_pass: LowPass, names: tuple[str, ...], velocity: f
     )
 
 
-def columns(recording: Recording, motion: Motion, low_pass: LowPass, velocity: float = 0.0) -> Columns:
+def columns(recording: Recording, motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
     """The linear model of the recording's device for one run."""
     description = recording.description
     if recording.device == "phantom":
@@ -121,6 +125,6 @@ def columns(recording: Recording, motion: Motion, low_pass: LowPass, velocity: f
     return given(motion, low_pass, description.columns.regressor, velocity)
 
 
-def unfiltered(motion: Motion) -> np.ndarray:
+def unfiltered(motion: FilteredMotion) -> np.ndarray:
     """Taati's Y (n, 3, 8) with accelerations formed by differences: for comparison and plots only."""
     return dynamics.regressor(motion.q, motion.dq, derivative(motion.dq, motion.step))

@@ -5,8 +5,8 @@ from attrs import evolve, frozen
 
 from cosim.identify import regressor
 from cosim.identify.method import Method
-from cosim.identify.regressor import Columns, slow_columns
-from cosim.measured.filtering import Motion, motion
+from cosim.identify.regressor import RegressorColumns, slow_columns
+from cosim.measured.filtering import FilteredMotion, motion
 from cosim.measured.recording import Recording, Run
 
 
@@ -60,12 +60,12 @@ def stack(recording: Recording, method: Method) -> Stack:
     return _with_rows(Stack(**joined, step=first.step, names=first.names, units=first.units), recording.joints)
 
 
-def _motion(recording: Recording, run: Run, method: Method) -> Motion:
+def _motion(recording: Recording, run: Run, method: Method) -> FilteredMotion:
     found = motion(recording, run, method.before)
     return found if method.both_sides else evolve(found, tau=run.tau)
 
 
-def _piece(recording: Recording, moved: Motion, method: Method, speed: np.ndarray, number: int) -> Stack:
+def _piece(recording: Recording, moved: FilteredMotion, method: Method, speed: np.ndarray, number: int) -> Stack:
     model = regressor.columns(recording, moved, method.low_pass, method.reversals.smoothing)
     n, step = len(moved.time), moved.step
     head, tail = (
@@ -93,9 +93,10 @@ def _piece(recording: Recording, moved: Motion, method: Method, speed: np.ndarra
     )
 
 
-def _with_tail(model: Columns, moved: Motion, method: Method, speed: np.ndarray) -> Columns:
+def _with_tail(model: RegressorColumns, moved: FilteredMotion, method: Method, speed: np.ndarray) -> RegressorColumns:
     """A column `slow` per joint where the law of the sign is not known: what a smoothed sign leaves at the slowest
-    rows."""
+    rows.
+    """
     slowest = method.reversals.slowest(speed)
     if slowest is None or not slowest.all():
         return model
@@ -124,7 +125,8 @@ def without(full: Stack, names: tuple[str, ...]) -> Stack:
 
 def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
     """Where leaving out reversals leaves less than a twentieth of the rows of a joint, its rows are all kept, and
-    told."""
+    told.
+    """
     train, keep, notes = full.settled & ~full.test, full.keep.copy(), []
     for j, joint in enumerate(joints):
         if full.fit[:, j].sum() < max(0.05 * train.sum(), 3 * full.y.shape[2]):

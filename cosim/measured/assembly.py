@@ -8,15 +8,15 @@ from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
 from cosim.measured import doubts, units
-from cosim.measured.description import Columns, Description, load_description
-from cosim.measured.reader import Table, needed, read_table
+from cosim.measured.description import ColumnNames, RecordingDescription, load_description
+from cosim.measured.reader import RawTable, needed, read_table
 from cosim.measured.recording import Recording, Run
 from cosim.measured.repairs import Stretch, recentred, repair
 
 # What scenario `identification` records: encoder angles, and the torque that the amplifier holds from one sample to
 # the next.
-SIMULATED = Description(
-    columns=Columns(
+SIMULATED = RecordingDescription(
+    columns=ColumnNames(
         q=("arm.q[1]", "arm.q[2]", "arm.q[3]"),
         tau=("controller.tau[1]", "controller.tau[2]", "controller.tau[3]"),
         q_ref=("excitation.q_ref[1]", "excitation.q_ref[2]", "excitation.q_ref[3]"),
@@ -28,7 +28,7 @@ SIMULATED = Description(
 
 
 @frozen(eq=False)
-class _Part:
+class _FilePart:
     """Rows of one run in a file, before repair: columns by role, split labels or None."""
 
     name: str
@@ -37,7 +37,9 @@ class _Part:
 
 
 def read(
-    paths: Iterable[Path | str], test: Iterable[Path | str] = (), description: Path | str | Description | None = None
+    paths: Iterable[Path | str],
+    test: Iterable[Path | str] = (),
+    description: Path | str | RecordingDescription | None = None,
 ) -> Recording:
     """Read files into one recording; `test` files are held out.
 
@@ -64,9 +66,9 @@ def _same_file_twice(fit: Sequence[Path], held: Sequence[Path]) -> None:
         raise InputError(Problem("--test", "files that are not fitted", str(both[0]), "leave it out of one of the two"))
 
 
-def _description(tables: Sequence[Table], given: Path | str | Description | None) -> Description:
+def _description(tables: Sequence[RawTable], given: Path | str | RecordingDescription | None) -> RecordingDescription:
     """The one description of all files: given, else beside the files, else the plain PHANToM one."""
-    if isinstance(given, Description):
+    if isinstance(given, RecordingDescription):
         return given
     if given is not None:
         return load_description(given)
@@ -81,15 +83,17 @@ def _description(tables: Sequence[Table], given: Path | str | Description | None
     return first[1]
 
 
-def _default(table: Table) -> Description:
+def _default(table: RawTable) -> RecordingDescription:
     if all(name in table.columns for name in SIMULATED.columns.q):
         columns = SIMULATED.columns
         references = columns.q_ref if all(name in table.columns for name in columns.q_ref) else ()
         return evolve(SIMULATED, columns=evolve(columns, q_ref=references))
-    return Description()
+    return RecordingDescription()
 
 
-def _runs(tables: Sequence[tuple[Table, bool]], description: Description, note) -> list[tuple[Run, bool | None]]:
+def _runs(
+    tables: Sequence[tuple[RawTable, bool]], description: RecordingDescription, note
+) -> list[tuple[Run, bool | None]]:
     """Repaired runs; beside each: held out as a whole (True), by its own mask (None), or not said (False)."""
     runs, problems = [], []
     several = len(tables) > 1
@@ -105,18 +109,20 @@ def _runs(tables: Sequence[tuple[Table, bool]], description: Description, note) 
     return runs
 
 
-def _parts(stem: str, columns: dict[str, np.ndarray], description: Description, several: bool) -> list[_Part]:
+def _parts(
+    stem: str, columns: dict[str, np.ndarray], description: RecordingDescription, several: bool
+) -> list[_FilePart]:
     """Rows of each run label; a run may not be joined to another."""
     names = description.columns
     count = len(columns[names.time])
     test = _split(stem, columns[names.split]) if names.split else None
     if not names.run:
-        return [_Part(stem, np.arange(count), test)]
+        return [_FilePart(stem, np.arange(count), test)]
     labels = columns[names.run]
     order = list(dict.fromkeys(labels.tolist()))
     rows = [np.flatnonzero(labels == label) for label in order]
     return [
-        _Part(f"{stem}:{label}" if several else label, row, None if test is None else test[row])
+        _FilePart(f"{stem}:{label}" if several else label, row, None if test is None else test[row])
         for label, row in zip(order, rows, strict=True)
     ]
 
@@ -131,7 +137,9 @@ def _split(stem: str, labels: np.ndarray) -> np.ndarray:
     return lower == "test"
 
 
-def _repaired(part: _Part, columns, description: Description, held: bool, note) -> list[tuple[Run, bool | None]]:
+def _repaired(
+    part: _FilePart, columns, description: RecordingDescription, held: bool, note
+) -> list[tuple[Run, bool | None]]:
     layout = _layout(description)
     signals = np.column_stack([columns[name][part.rows] * factor for _, name, factor in layout])
     time = columns[description.columns.time][part.rows] * description.factor("time", 0)
@@ -144,7 +152,7 @@ def _repaired(part: _Part, columns, description: Description, held: bool, note) 
     return [(_run(recentred(piece, held_torque, note), layout), whole) for piece in repair(stretch, note)]
 
 
-def _layout(description: Description) -> list[tuple[str, str, float]]:
+def _layout(description: RecordingDescription) -> list[tuple[str, str, float]]:
     """(role, column, factor to SI) of every signal except time."""
     names = description.columns
     layout = [

@@ -35,7 +35,7 @@ def _frozen_map(values: Mapping) -> Mapping:
 
 
 @frozen
-class Columns:
+class ColumnNames:
     """Names of the columns in the file; empty where the file has none."""
 
     time: str = "time"
@@ -62,11 +62,11 @@ class Columns:
 
 
 @frozen
-class Description:
+class RecordingDescription:
     """Device, columns, units and scales of a measured file; the default is that of a plain PHANToM recording."""
 
     device: str = "phantom"
-    columns: Columns = field(factory=Columns)
+    columns: ColumnNames = field(factory=ColumnNames)
     units: Mapping[str, tuple[str, ...]] = field(factory=dict, converter=_frozen_map)  # role -> unit per column
     scale: Mapping[str, tuple[float, ...]] = field(factory=dict, converter=_frozen_map)  # role -> factor per column
     configuration: str = "UR"
@@ -106,7 +106,7 @@ def _of(values: tuple, column: int, default):
     return values[min(column, len(values) - 1)] if values else default
 
 
-def load_description(path: Path | str) -> Description:
+def load_description(path: Path | str) -> RecordingDescription:
     """Read a description file; every problem is collected. Raises InputError."""
     path = Path(path)
     try:
@@ -118,13 +118,13 @@ def load_description(path: Path | str) -> Description:
     return parse_description(table, str(path))
 
 
-def parse_description(table: Mapping, source: str) -> Description:
+def parse_description(table: Mapping, source: str) -> RecordingDescription:
     """The description that a TOML table holds. Raises InputError with all problems."""
     problems: list[Problem] = []
     _unknown(table, KEYS, source, "key", problems)
     device = _choice(table, "device", DEVICES, "phantom", source, problems)
     columns = _columns(table.get("columns"), source, problems)
-    result = Description(
+    result = RecordingDescription(
         device=device,
         columns=columns,
         units=_per_column(table, "units", columns, str, source, problems),
@@ -186,10 +186,10 @@ def _is_number(value) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and value == value and abs(value) < 1e300
 
 
-def _columns(table, source: str, problems: list[Problem]) -> Columns:
+def _columns(table, source: str, problems: list[Problem]) -> ColumnNames:
     """The [columns] table; without one the plain PHANToM names."""
     if table is None:
-        return Columns()
+        return ColumnNames()
     where = f"{source}: [columns]"
     _unknown(table, ROLES, where, "role", problems)
     single = {role: _name(table[role], f"{where}.{role}", problems) for role in SINGLE if role in table}
@@ -201,7 +201,7 @@ def _columns(table, source: str, problems: list[Problem]) -> Columns:
     if not isinstance(other, Mapping) or not all(isinstance(unit, str) for unit in other.values()):
         problems.append(Problem(f"{where}.other", "a table name = unit", repr(other)))
         other = {}
-    return Columns(**single, **lists, other=other)
+    return ColumnNames(**single, **lists, other=other)
 
 
 def _name(value, where: str, problems: list[Problem]) -> str:
@@ -219,7 +219,7 @@ def _names(value, where: str, problems: list[Problem]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _per_column(table: Mapping, key: str, columns: Columns, kind, source: str, problems: list[Problem]) -> dict:
+def _per_column(table: Mapping, key: str, columns: ColumnNames, kind, source: str, problems: list[Problem]) -> dict:
     """The [units] or [scale] table as role -> tuple, one value for all columns of the role or one each."""
     found: dict[str, tuple] = {}
     section = table.get(key, {})
@@ -239,7 +239,7 @@ def _per_column(table: Mapping, key: str, columns: Columns, kind, source: str, p
     return found
 
 
-def _inconsistencies(description: Description, table: Mapping) -> list[Problem]:
+def _inconsistencies(description: RecordingDescription, table: Mapping) -> list[Problem]:
     """What single keys cannot show: counts of columns, units without a scale, declared parameters."""
     source, columns = description.source, description.columns
     wanted = 3 if description.device == "phantom" else 1
@@ -257,8 +257,14 @@ def _inconsistencies(description: Description, table: Mapping) -> list[Problem]:
     if description.device == "regressor" and not (columns.regressor or columns.rigid):
         problems.append(Problem(f"{source}: [columns].regressor", "the regressor columns or a rigid torque", "neither"))
     if description.parameters == "declared" and description.device != "phantom":
-        problems.append(Problem(f"{source}: parameters", "'fit', for device 'phantom' also 'declared'", f"'declared' for {description.device!r}",
-                                "a rigid torque that is trusted goes into [columns] rigid of device 'regressor'"))  # fmt: skip
+        problems.append(
+            Problem(
+                f"{source}: parameters",
+                "'fit', for device 'phantom' also 'declared'",
+                f"'declared' for {description.device!r}",
+                "a rigid torque that is trusted goes into [columns] rigid of device 'regressor'",
+            )
+        )
     if description.parameters == "declared" and description.device == "phantom" and "declared_pi" not in table:
         problems.append(Problem(f"{source}: declared_pi", "the 8 trusted parameters", "nothing"))
     if description.declared_pi and len(description.declared_pi) != 8:
@@ -266,7 +272,7 @@ def _inconsistencies(description: Description, table: Mapping) -> list[Problem]:
     return problems + _unit_problems(description)
 
 
-def _unit_problems(description: Description) -> list[Problem]:
+def _unit_problems(description: RecordingDescription) -> list[Problem]:
     problems = []
     for role, names in description.units.items():
         where = f"{description.source}: [units].{role}"

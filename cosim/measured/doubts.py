@@ -1,5 +1,6 @@
 """Recordings that read well and are still wrong: constant channels, wrong units, split rows that touch, filtered
-data."""
+data.
+"""
 
 import numpy as np
 
@@ -208,7 +209,8 @@ def _emptied_runs(runs: tuple[Run, ...], joint: int, label: str) -> list[str]:
     if not edges:
         return []
     return [
-        f"{label}: in {', '.join(edges)} q holds next to nothing above {min(edges.values()):.3g} Hz though tau does: q was "
+        f"{label}: in {', '.join(edges)} q holds next to nothing above "
+        f"{min(edges.values()):.3g} Hz though tau does: q was "
         "low-passed or computed and tau was not; compare the two sides below that frequency only"
     ]
 

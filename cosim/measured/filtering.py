@@ -115,7 +115,10 @@ class Window(LowPass):
     cutoff: float
 
     def __str__(self) -> str:
-        return f"a Hann window of {1e3 / self.cutoff:.3g} ms (zero phase, half amplitude at {self.cutoff:.3g} Hz, finite reach)"
+        return (
+            f"a Hann window of {1e3 / self.cutoff:.3g} ms (zero phase, half "
+            f"amplitude at {self.cutoff:.3g} Hz, finite reach)"
+        )
 
     def low(self, signal: np.ndarray, step: float) -> np.ndarray:
         from scipy.signal import oaconvolve
@@ -164,7 +167,7 @@ def derivative(signal: np.ndarray, step: float) -> np.ndarray:
 
 
 @frozen(eq=False)
-class Motion:
+class FilteredMotion:
     """A run with its velocity: time (n,), q, dq, tau (n, nj) in SI; `velocity` says how dq was made.
 
     tau went through the same filter as q.
@@ -185,19 +188,19 @@ class Motion:
         return self.run.step
 
 
-def differentiated(run: Run, low_pass: LowPass) -> Motion:
+def differentiated(run: Run, low_pass: LowPass) -> FilteredMotion:
     """q and tau through the same low-pass, q differentiated; a recorded dq is not used."""
     q = low_pass.low(run.q, run.step)
     how = f"q and tau through {low_pass}, central differences"
-    return Motion(run, q, derivative(q, run.step), low_pass.low(run.tau, run.step), how)
+    return FilteredMotion(run, q, derivative(q, run.step), low_pass.low(run.tau, run.step), how)
 
 
-def as_recorded(run: Run) -> Motion:
+def as_recorded(run: Run) -> FilteredMotion:
     """The recorded dq as it stands: where regressor columns were made with it, another one would not fit them."""
-    return Motion(run, run.q, run.dq, run.tau, "as recorded")
+    return FilteredMotion(run, run.q, run.dq, run.tau, "as recorded")
 
 
-def motion(recording: Recording, run: Run, low_pass: LowPass) -> Motion:
+def motion(recording: Recording, run: Run, low_pass: LowPass) -> FilteredMotion:
     """The motion of a run: the recorded dq for device "regressor" where there is one, else differentiated q."""
     if recording.device == "regressor" and run.dq is not None:
         return as_recorded(run)

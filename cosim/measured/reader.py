@@ -7,13 +7,13 @@ import numpy as np
 from attrs import frozen
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.measured.description import Description
+from cosim.measured.description import RecordingDescription
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".mat", ".h5", ".hdf5")
 
 
 @frozen(eq=False)
-class Table:
+class RawTable:
     """Columns of one file as they stand: numbers (n,) float64 or labels (n,) str."""
 
     path: Path
@@ -21,7 +21,7 @@ class Table:
     warnings: tuple[str, ...] = ()
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str) -> RawTable:
     """All columns of a file. Raises InputError with the file's name where it cannot be read."""
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -39,7 +39,7 @@ def read_table(path: Path | str) -> Table:
     return _result(path) if kind in (".h5", ".hdf5") else _csv(path)
 
 
-def needed(table: Table, description: Description) -> dict[str, np.ndarray]:
+def needed(table: RawTable, description: RecordingDescription) -> dict[str, np.ndarray]:
     """The columns that the description names, numbers as float64. Raises InputError with every problem."""
     wanted, problems, found = description.columns, [], {}
     missing = [name for name in (*wanted.numeric(), *wanted.labels()) if name not in table.columns]
@@ -54,7 +54,7 @@ def needed(table: Table, description: Description) -> dict[str, np.ndarray]:
     return found
 
 
-def _missing(table: Table, names: list[str]) -> Problem:
+def _missing(table: RawTable, names: list[str]) -> Problem:
     near = [text for name in names if (text := did_you_mean(name, table.columns))]
     advice = f"the file has: {', '.join(list(table.columns)[:24])}" if len(near) < len(names) else "; ".join(near)
     beside = sorted(p.name for p in table.path.parent.glob("*.toml") if p.stem != table.path.stem)
@@ -63,7 +63,7 @@ def _missing(table: Table, names: list[str]) -> Problem:
     return Problem(f"{table.path}", f"the columns {', '.join(names)}", "a file without them", advice)
 
 
-def _numbers(table: Table, name: str, problems: list[Problem]) -> np.ndarray:
+def _numbers(table: RawTable, name: str, problems: list[Problem]) -> np.ndarray:
     """Column as float64; text that is no number is named with its row (counted from 1 below the header)."""
     column = table.columns[name]
     if column.dtype.kind == "f":
@@ -74,12 +74,14 @@ def _numbers(table: Table, name: str, problems: list[Problem]) -> np.ndarray:
             values[row] = float(text) if text.strip() else np.nan
         except ValueError:
             advice = "a decimal comma? write a point" if "," in text else "remove the row or leave the cell empty"
-            problems.append(Problem(f"{table.path}: column {name!r}, row {row + 1}", "a number", repr(str(text)), advice))
+            problems.append(
+                Problem(f"{table.path}: column {name!r}, row {row + 1}", "a number", repr(str(text)), advice)
+            )
             return values
     return values
 
 
-def _csv(path: Path) -> Table:
+def _csv(path: Path) -> RawTable:
     from pyarrow import ArrowException, csv
 
     delimiter, skipped, warnings = _layout(path)
@@ -119,7 +121,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _parquet(path: Path) -> Table:
+def _parquet(path: Path) -> RawTable:
     from pyarrow import ArrowException, parquet
 
     try:
@@ -128,14 +130,14 @@ def _parquet(path: Path) -> Table:
         raise InputError(Problem(str(path), "a Parquet file", str(error).splitlines()[0])) from None
 
 
-def _from_arrow(path: Path, table, warnings: tuple[str, ...]) -> Table:
+def _from_arrow(path: Path, table, warnings: tuple[str, ...]) -> RawTable:
     names = [name.strip().lstrip("\ufeff") for name in table.column_names]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(Problem(str(path), "each column once", f"twice: {', '.join(twice)}"))
     if table.num_rows == 0:
         raise InputError(Problem(str(path), "rows of data", "a header only"))
-    return Table(path, {name: _array(column) for name, column in zip(names, table.columns, strict=True)}, warnings)
+    return RawTable(path, {name: _array(column) for name, column in zip(names, table.columns, strict=True)}, warnings)
 
 
 def _array(column) -> np.ndarray:
@@ -149,7 +151,7 @@ def _array(column) -> np.ndarray:
     return np.array(["" if value is None else str(value) for value in column.to_pylist()])
 
 
-def _mat(path: Path) -> Table:
+def _mat(path: Path) -> RawTable:
     from scipy.io import loadmat
 
     try:
@@ -164,7 +166,7 @@ def _mat(path: Path) -> Table:
             _flatten(name, np.asarray(value), columns)
     lengths = {len(column) for column in columns.values()}
     rows = max(lengths, default=0)
-    return Table(path, {name: column for name, column in columns.items() if len(column) == rows})
+    return RawTable(path, {name: column for name, column in columns.items() if len(column) == rows})
 
 
 def _flatten(name: str, value: np.ndarray, columns: dict[str, np.ndarray]) -> None:
@@ -182,14 +184,20 @@ def _flatten(name: str, value: np.ndarray, columns: dict[str, np.ndarray]) -> No
             columns[f"{name}{column + 1}"] = tall[:, column].astype(float)
 
 
-def _result(path: Path) -> Table:
-    """A result.h5 of this project: its signals under their own names."""
-    from cosim.results import read_h5
+def _result(path: Path) -> RawTable:
+    """A result.h5 of this project (layout: cosim.results.files): its signals under their own names."""
+    import json
+
+    import h5py
 
     try:
-        result = read_h5(path)
+        with h5py.File(path, "r") as file:
+            columns = {"time": np.asarray(file["time"], float)}
+            for component, variables in file["signals"].items():
+                for data in variables.values():
+                    names = json.loads(data.attrs["elements"])
+                    columns |= {f"{component}.{name}": np.asarray(data[:, k], float) for k, name in enumerate(names)}
+            order = json.loads(file.attrs["signals"])
     except (OSError, KeyError) as error:
         raise InputError(Problem(str(path), "a result.h5 of `cosim run`", str(error))) from None
-    columns = {"time": np.asarray(result.time, float)}
-    columns |= {name: np.asarray(values, float) for name, values in result.signals.items()}
-    return Table(path, columns)
+    return RawTable(path, {name: columns[name] for name in ("time", *order)})

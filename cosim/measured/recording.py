@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import field, frozen
 
-from cosim.measured.description import Description
+from cosim.measured.description import RecordingDescription
 
 
 @frozen(eq=False)
@@ -47,7 +47,7 @@ class Run:
 class Recording:
     """Runs of one device, where they came from, and every repair and doubt in words."""
 
-    description: Description
+    description: RecordingDescription
     runs: tuple[Run, ...]
     warnings: tuple[str, ...] = ()
     files: tuple[str, ...] = ()

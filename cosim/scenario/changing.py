@@ -38,6 +38,7 @@ def parse_override(text: str) -> tuple[str, object]:
 
 
 def with_override(scenario: Scenario, text: str, problems: list[Problem]) -> Scenario:
+    """The scenario with one `path=value`, as `--set` gives it; what is wrong is added to `problems`."""
     try:
         path, value = parse_override(text)
     except InputError as error:
@@ -96,7 +97,14 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
     unknown_keys(table, {"format", "model", "components", "parameters", "effects", "provenance"}, path.name, problems)
     kinds = {"parameters": dict, "model": str, "components": list, "effects": list}
     if "parameters" not in table:
-        problems.append(Problem(f"{path.name}: [parameters]", "a table of start values", "none", "close-loop writes it into effects.toml"))
+        problems.append(
+            Problem(
+                f"{path.name}: [parameters]",
+                "a table of start values",
+                "none",
+                "close-loop writes it into effects.toml",
+            )
+        )
     wrong = [key for key, kind in kinds.items() if key in table and not isinstance(table[key], kind)]
     if wrong or table.get("format", 1) != 1:
         problems += [Problem(f"{path.name}: {key}", _KINDS[kinds[key]], repr(table[key])) for key in wrong]
@@ -108,8 +116,14 @@ def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Sce
     chosen = named or [name for name, c in scenario.components.items() if c.model == model]
     for name in chosen:
         if name not in scenario.components:
-            problems.append(Problem(f"{path.name}: components", "a component of the scenario", repr(name),
-                                    did_you_mean(name, scenario.components)))  # fmt: skip
+            problems.append(
+                Problem(
+                    f"{path.name}: components",
+                    "a component of the scenario",
+                    repr(name),
+                    did_you_mean(name, scenario.components),
+                )
+            )
     if not chosen:
         problems.append(Problem(f"{path.name}: model", f"a model in scenario {scenario.name}", repr(model)))
     components = dict(scenario.components)

@@ -8,11 +8,11 @@ from attrs import evolve
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario.scenario import NANOSECONDS, Component, Scenario
 
-
 LONGEST = 2**63  # nanoseconds that fit an integer of 64 bits
 
 
 def check(scenario: Scenario, where: str) -> list[Problem]:
+    """What a scenario says that cannot be, before its FMUs are known."""
     problems = _check_experiment(scenario, where)
     for name, component in scenario.components.items():
         place = f"{where}: components.{name}"
@@ -74,6 +74,12 @@ def _check_set(component: Component, where: str) -> list[Problem]:
         return [evolve(problem, where=f"{where}.parameter_set") for problem in error.problems]
     mounting = component.parameters.get("mounting", chosen.mounting.value)
     if chosen.fixed and mounting != Mounting.UPRIGHT.value and mounting != chosen.mounting.value:
-        return [Problem(f"{where}.parameters.mounting", f"the mounting of set {chosen.name} ({chosen.mounting.value})",
-                        repr(mounting), "its gravity terms hold for that mounting only")]  # fmt: skip
+        return [
+            Problem(
+                f"{where}.parameters.mounting",
+                f"the mounting of set {chosen.name} ({chosen.mounting.value})",
+                repr(mounting),
+                "its gravity terms hold for that mounting only",
+            )
+        ]
     return []

@@ -43,7 +43,7 @@ def draft(
     return scenario, problems + check(scenario, path.name)
 
 
-def load_text(text: str, folder: Path = Path(".")) -> Scenario:
+def load_text(text: str, folder: Path = Path()) -> Scenario:
     """The scenario of a TOML text, as `to_toml` writes it; files are not looked for. Raises InputError."""
     problems: list[Problem] = []
     scenario = structure(tomllib.loads(text), folder / "scenario.toml", problems)
@@ -52,11 +52,10 @@ def load_text(text: str, folder: Path = Path(".")) -> Scenario:
     return scenario
 
 
-def shipped(folder: str = "scenarios") -> list[Path]:
-    """The TOML files that come with cosim: folder `scenarios` or `sweeps`, sorted by name."""
-    return sorted(
-        Path(str(entry)) for entry in files("cosim").joinpath(folder).iterdir() if entry.name.endswith(".toml")
-    )
+def shipped(room: str = "scenario") -> list[Path]:
+    """The TOML files that come with a package of cosim, `scenario` or `sweep`, sorted by name."""
+    folder = files("cosim").joinpath(room, "shipped")
+    return sorted(Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
 def with_parameters(scenario: Scenario, values: Mapping[str, object]) -> Scenario:

@@ -28,19 +28,30 @@ def table_of(path: Path) -> dict:
     if path.suffix != ".ssp":
         return read_toml(path)
     from build_fmus.cache import cache_folder
-    from cosim.ssp import read_ssp
+    from cosim.scenario.ssp import read_ssp
 
     return read_ssp(path, cache_folder() / "ssp")
 
 
 def read_toml(path: Path) -> dict:
+    """The content of a TOML file. Raises InputError with the place of an error."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(Problem(str(path), "TOML", str(error))) from None
 
 
-_TOP = {"format", "name", "title", "description", "experiment", "components", "connections", "teleoperation", "warnings"}
+_TOP = {
+    "format",
+    "name",
+    "title",
+    "description",
+    "experiment",
+    "components",
+    "connections",
+    "teleoperation",
+    "warnings",
+}
 
 
 def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
@@ -78,6 +89,7 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
 
 
 def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: list[Problem]) -> None:
+    """Adds a problem for each key that nobody reads."""
     known = sorted(known)
     for key in table:
         if key not in known:
@@ -95,7 +107,7 @@ def record_of(kind: type, table: object, where: str, problems: list[Problem]):
     unknown_keys(table, names, where, problems)
     try:
         return _converter().structure({key: value for key, value in table.items() if key in names}, kind)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - converters of attrs raise many kinds
         problems += _translated(error, where)
         return None
 
@@ -120,13 +132,13 @@ def _converter():
     return converter
 
 
-class _Unfit(Exception):
+class _UnfitError(Exception):
     """A value of the wrong kind: what was expected, what came, advice."""
 
 
 def _strict(value: object, kind, words: str):
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise _Unfit(words, repr(value), "")
+        raise _UnfitError(words, repr(value), "")
     return value
 
 
@@ -134,12 +146,12 @@ def _member(value: object, kind: type[Enum]) -> Enum:
     words = [member.value for member in kind]
     if value in words:
         return kind(value)
-    raise _Unfit(" or ".join(repr(word) for word in words), repr(value), did_you_mean(str(value), words))
+    raise _UnfitError(" or ".join(repr(word) for word in words), repr(value), did_you_mean(str(value), words))
 
 
 def _translated(error: Exception, where: str) -> list[Problem]:
     """Problems of a cattrs validation error, with the key that each belongs to."""
-    if isinstance(error, _Unfit):
+    if isinstance(error, _UnfitError):
         return [Problem(where, *error.args)]
     if isinstance(error, ExceptionGroup):
         return [p for inner in error.exceptions for p in _translated(inner, where + _key(inner))]

@@ -119,7 +119,7 @@ class Scenario:
     title: str = ""
     description: str = ""
     teleoperation: Teleoperation = Teleoperation()
-    folder: Path = field(default=Path("."), eq=False)
+    folder: Path = field(default=Path(), eq=False)
     effects: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 

@@ -14,10 +14,10 @@ def to_toml(scenario: Scenario) -> str:
     lines += [f"{key} = {_value(text)}" for key in ("title", "description") if (text := getattr(scenario, key))]
     lines += [f"warnings = {_value(scenario.warnings)}"] if scenario.warnings else []
     lines += ["connections = ["] + [f"    {_value(str(c))}," for c in scenario.connections] + ["]"]
-    lines += ["", "[experiment]"] + _entries(scenario.experiment)
-    lines += ["", "[teleoperation]"] + _entries(scenario.teleoperation)
+    lines += ["", "[experiment]", *_entries(scenario.experiment)]
+    lines += ["", "[teleoperation]", *_entries(scenario.teleoperation)]
     for name, component in scenario.components.items():
-        lines += ["", f"[components.{name}]"] + _entries(component)
+        lines += ["", f"[components.{name}]", *_entries(component)]
         if component.parameters:
             lines += [f"[components.{name}.parameters]"]
             lines += [f"{_bare(key)} = {_value(value)}" for key, value in component.parameters.items()]

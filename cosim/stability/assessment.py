@@ -1,4 +1,6 @@
-"""What theory says of a scenario at a pose: damping counted on, criteria, robust bound, spectrum, margins, passivity."""
+"""What theory says of a scenario at a pose: damping counted on, criteria, robust bound, spectrum, margins,
+passivity.
+"""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -8,7 +10,7 @@ from attrs import field, frozen
 
 from cosim.stability.criteria import Coupling, Criterion, delay_sum, sallam_eq10
 from cosim.stability.damping import LeastViscosity, least_joint_viscosity, least_task_viscosity
-from cosim.stability.linearisation import LinearFmu, Loop
+from cosim.stability.linearisation import LinearFmu, LinearLoop
 from cosim.stability.passivity import PortPassivity, port_passivity
 from cosim.stability.robust import delay_law_bound
 from cosim.stability.spectrum import abscissa, max_delay
@@ -16,12 +18,16 @@ from cosim.wiring import Wiring
 
 CONTROLLER = "PLikeController"
 MEMORYLESS = (CONTROLLER, "VariableDelayChannel", "Operator", "Environment", "Recording", "Excitation")
-"""Sampled models without hidden memory that acts on the loop: others make a linearisation from their inputs and outputs incomplete."""
+"""Sampled models without hidden memory that acts on the loop: others make a linearisation from their inputs and outputs
+incomplete.
+"""
 
 
 @frozen
-class Side:
-    """One arm's coupling: K [N/m], B [N s/m] of the controller per axis (joint space: N m/rad, N m s/rad), plant viscosity."""
+class CoupledSide:
+    """One arm's coupling: K [N/m], B [N s/m] of the controller per axis (joint space: N m/rad, N m s/rad), plant
+    viscosity.
+    """
 
     arm: str
     stiffness: np.ndarray = field(eq=False)
@@ -46,7 +52,7 @@ def _least_task(viscous: tuple[float, ...]) -> LeastViscosity:
     return least_task_viscosity(np.array(viscous))
 
 
-def sides(wiring: Wiring) -> tuple[Side, Side] | None:
+def sides(wiring: Wiring) -> tuple[CoupledSide, CoupledSide] | None:
     """The two coupled arms of a teleoperation scenario; None where it is none or an arm is coupled in another way."""
     if wiring.scenario.arms is None:
         return None
@@ -54,25 +60,25 @@ def sides(wiring: Wiring) -> tuple[Side, Side] | None:
     return None if None in found or found[0].joint_space != found[1].joint_space else tuple(found)
 
 
-def _side(wiring: Wiring, arm: str) -> Side | None:
+def _side(wiring: Wiring, arm: str) -> CoupledSide | None:
     if wiring.descriptions[arm].model != "PhantomArm":
         return None
-    values = _Values(wiring, arm)
+    values = _LoopValues(wiring, arm)
     plant = (tuple(values.vector("viscous").tolist()), bool(values.vector("gravity_compensation")[0]))
     wired = {link.target.variable for link in wiring.links if link.target.component == arm}
     if "x_ref[1]" in wired and values.vector("stiffness").any():
-        return Side(arm, values.vector("stiffness"), values.vector("damping"), False, *plant)
+        return CoupledSide(arm, values.vector("stiffness"), values.vector("damping"), False, *plant)
     drivers = {link.source.component for link in wiring.links if link.target.component == arm}
     for name in wiring.scenario.components:
         if name in drivers and wiring.descriptions[name].model == CONTROLLER:
-            gains = _Values(wiring, name)
+            gains = _LoopValues(wiring, name)
             joint = gains.item("space") == "joint"
             prefix = "joint_" if joint else ""
-            return Side(arm, gains.vector(prefix + "stiffness"), gains.vector(prefix + "damping"), joint, *plant)
+            return CoupledSide(arm, gains.vector(prefix + "stiffness"), gains.vector(prefix + "damping"), joint, *plant)
     return None
 
 
-class _Values:
+class _LoopValues:
     """Start values of a component's parameters: the scenario's, else the FMU's own."""
 
     def __init__(self, wiring: Wiring, name: str) -> None:
@@ -86,7 +92,7 @@ class _Values:
         return self.description.variables[name].items[int(self.vector(name)[0]) - 1]
 
 
-def coupling(pair: tuple[Side, Side]) -> Coupling:
+def coupling(pair: tuple[CoupledSide, CoupledSide]) -> Coupling:
     """Gains and effective damping of two sides."""
     return Coupling(pair[0].stiffness, pair[1].stiffness, pair[0].effective, pair[1].effective)
 
@@ -99,7 +105,7 @@ class Theory:
     delays: tuple[float, float]
     longest: tuple[float, float]
     constant: bool
-    pair: tuple[Side, Side] | None
+    pair: tuple[CoupledSide, CoupledSide] | None
     delay_sum: Criterion | None
     sallam_eq10: Criterion | None
     law_bound: float | None
@@ -116,8 +122,10 @@ class Theory:
         return self.delay_sum is not None and self.delay_sum.holds
 
 
-def theory(wiring: Wiring, loop: Loop) -> Theory:
-    """All conditions for the delays of the scenario. The criteria take the greatest delays, the spectrum the mean ones."""
+def theory(wiring: Wiring, loop: LinearLoop) -> Theory:
+    """All conditions for the delays of the scenario. The criteria take the greatest delays, the spectrum the mean
+    ones.
+    """
     pair, family = sides(wiring), loop.family()
     criteria = [c(coupling(pair), *loop.longest) for c in (delay_sum, sallam_eq10)] if pair and family else [None, None]
     return Theory(
@@ -147,16 +155,16 @@ def pose_of(wiring: Wiring) -> tuple[float, ...]:
     names = wiring.scenario.arms or [
         n for n in wiring.scenario.components if wiring.descriptions[n].elements("q_start")
     ]
-    return tuple(_Values(wiring, names[0]).vector("q_start").tolist()) if names else ()
+    return tuple(_LoopValues(wiring, names[0]).vector("q_start").tolist()) if names else ()
 
 
-def boundary(loop: Loop) -> float | None:
+def boundary(loop: LinearLoop) -> float | None:
     """Largest constant delay each way [s] by the exact spectrum; None where the loop has no channel."""
     family = loop.family()
     return max_delay(family) if family else None
 
 
-def plant_ports(loop: Loop, pair: tuple[Side, Side] | None) -> Mapping[str, PortPassivity]:
+def plant_ports(loop: LinearLoop, pair: tuple[CoupledSide, CoupledSide] | None) -> Mapping[str, PortPassivity]:
     """Passivity of the port of each arm, force on the tip to velocity of the tip, where both are wired."""
     found = {}
     for side in pair or ():

@@ -25,7 +25,9 @@ class Coupling:
 
 @frozen
 class Criterion:
-    """What a condition says: whether it holds at the given delays, and the largest equal delay each way [s] that it allows."""
+    """What a condition says: whether it holds at the given delays, and the largest equal delay each way [s] that it
+    allows.
+    """
 
     holds: bool
     max_delay: float

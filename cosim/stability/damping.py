@@ -1,4 +1,6 @@
-"""The damping that a criterion may count on: the controller's plus the least viscosity of the plant in its workspace."""
+"""The damping that a criterion may count on: the controller's plus the least viscosity of the plant in its
+workspace.
+"""
 
 import numpy as np
 from attrs import frozen
@@ -7,7 +9,9 @@ from cosim.arm.kinematics import jacobian, radius
 from cosim.arm.workspace import Workspace
 
 LEAST_RADIUS = 0.05
-"""Poses nearer to the vertical axis than this [m] are left out: there a negative joint viscosity has no bound in task space."""
+"""Poses nearer to the vertical axis than this [m] are left out: there a negative joint viscosity has no bound in task
+space.
+"""
 
 
 @frozen

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from attrs import field, frozen
 
+from cosim.results.summary import Judged, number
 from cosim.stability.assessment import Theory
 from cosim.stability.criteria import Criterion
-from cosim.stability.evidence import Evidence, strongest
+from cosim.stability.evidence import StabilityEvidence, strongest
 from cosim.stability.margin import Margins
 from cosim.stability.passivity import PortPassivity
-from cosim.summary import Judged, number
 
 
 @frozen
@@ -24,14 +24,16 @@ class Comparison:
     added_ages: Mapping[str, float] = field(factory=dict)
 
     @property
-    def evidence(self) -> Evidence:
+    def evidence(self) -> StabilityEvidence:
         """The strongest evidence that holds."""
         t = self.theory
         return strongest(self.judged.outcome, t.any_mass, t.known_mass, t.abscissa, t.constant)
 
 
 def document(found: Comparison) -> dict[str, object]:
-    """The content of stability.json: the keys of the contract, and more. A delay without limit is null with `unbounded` true."""
+    """The content of stability.json: the keys of the contract, and more. A delay without limit is null with `unbounded`
+    true.
+    """
     t = found.theory
     return {
         "scenario": found.judged.result.scenario.name,
@@ -44,9 +46,13 @@ def document(found: Comparison) -> dict[str, object]:
         "known_mass": {"holds": t.known_mass, **_delay(t.law_bound)},
         "spectrum": {"abscissa": t.abscissa, **_delay(found.max_delay)},
         "margin": _margin(found.margins),
-        "passivity": {arm: {"passive": p.passive, "damping": p.damping, "frequency": p.frequency} for arm, p in found.ports.items()},
+        "passivity": {
+            arm: {"passive": p.passive, "damping": p.damping, "frequency": p.frequency}
+            for arm, p in found.ports.items()
+        },
         "simulation": {
-            "outcome": found.judged.outcome.value, "growth_rate": number(found.judged.growth_rate),
+            "outcome": found.judged.outcome.value,
+            "growth_rate": number(found.judged.growth_rate),
             "interval": None if found.judged.interval is None else [number(v) for v in found.judged.interval],
             "advice": found.judged.outcome.advice,
         },
@@ -54,7 +60,7 @@ def document(found: Comparison) -> dict[str, object]:
         "evidence_meaning": found.evidence.meaning,
         "added_ages": dict(found.added_ages),
         "notes": list(notes(found)),
-    }  # fmt: skip
+    }
 
 
 def notes(found: Comparison) -> list[str]:
@@ -62,7 +68,8 @@ def notes(found: Comparison) -> list[str]:
     t, said = found.theory, list(found.judged.notes)
     if not t.constant:
         said.append(
-            "the delay varies: the spectrum is that of the mean delay and proves nothing for the law; the criteria take its bound"
+            "the delay varies: the spectrum is that of the mean delay and proves "
+            "nothing for the law; the criteria take its bound"
         )
     if t.pair and not all(side.compensated for side in t.pair):
         said.append("gravity is not compensated: delay_sum and sallam_eq10 assume that it is")
@@ -101,5 +108,9 @@ def _delay(value: float | None) -> dict[str, object]:
 def _margin(margins: Margins | None) -> dict[str, object] | None:
     if margins is None:
         return None
-    return {"gain": number(margins.gain), "phase_deg": number(margins.phase), "delay": number(margins.delay),
-            "crossover": number(margins.crossover)}  # fmt: skip
+    return {
+        "gain": number(margins.gain),
+        "phase_deg": number(margins.phase),
+        "delay": number(margins.delay),
+        "crossover": number(margins.crossover),
+    }

@@ -2,10 +2,10 @@
 
 from enum import Enum
 
-from cosim.outcome import Outcome
+from cosim.engine.outcome import Outcome
 
 
-class Evidence(str, Enum):
+class StabilityEvidence(str, Enum):
     """What is known of a loop, strongest first; the value is the word in tables, `meaning` says it in a sentence."""
 
     ANY_MASS = "any mass, any delay law"
@@ -22,12 +22,19 @@ class Evidence(str, Enum):
 
 
 _MEANING = {
-    Evidence.ANY_MASS: "the delay-sum condition holds: stable for every mass and every delay law below the bounds",
-    Evidence.KNOWN_MASS: "small gain with the linearised plant: stable near the pose for every delay law below the bounds",
-    Evidence.CONSTANT_DELAY: "the exact spectrum of the linearised loop lies in the left half plane: stable near the pose for this constant delay",
-    Evidence.SIMULATED: "small disturbances died out in the simulated motion, and nothing more is known",
-    Evidence.FALSIFIED: "small disturbances grew, in the simulation or by the exact spectrum",
-    Evidence.NONE: "neither a condition nor the simulation decides",
+    StabilityEvidence.ANY_MASS: (
+        "the delay-sum condition holds: stable for every mass and every delay law below the bounds"
+    ),
+    StabilityEvidence.KNOWN_MASS: (
+        "small gain with the linearised plant: stable near the pose for every delay law below the bounds"
+    ),
+    StabilityEvidence.CONSTANT_DELAY: (
+        "the exact spectrum of the linearised loop lies in the left half "
+        "plane: stable near the pose for this constant delay"
+    ),
+    StabilityEvidence.SIMULATED: "small disturbances died out in the simulated motion, and nothing more is known",
+    StabilityEvidence.FALSIFIED: "small disturbances grew, in the simulation or by the exact spectrum",
+    StabilityEvidence.NONE: "neither a condition nor the simulation decides",
 }
 
 UNSTABLE = (Outcome.GROWING, Outcome.LIMIT_CYCLE, Outcome.DIVERGED)
@@ -40,22 +47,22 @@ def strongest(
     known_mass: bool = False,
     abscissa: float | None = None,
     constant: bool = True,
-) -> Evidence:
+) -> StabilityEvidence:
     """The strongest evidence, given the simulated outcome (None: not simulated) and what the conditions say.
 
     A simulation that grows falsifies whatever a condition said (its assumptions did not hold). `abscissa` [1/s]
     counts only for `constant` delays; None where there is no linearisation.
     """
     if outcome in UNSTABLE:
-        return Evidence.FALSIFIED
+        return StabilityEvidence.FALSIFIED
     if any_mass:
-        return Evidence.ANY_MASS
+        return StabilityEvidence.ANY_MASS
     if known_mass:
-        return Evidence.KNOWN_MASS
+        return StabilityEvidence.KNOWN_MASS
     if constant and abscissa is not None and abscissa < 0.0:
-        return Evidence.CONSTANT_DELAY
+        return StabilityEvidence.CONSTANT_DELAY
     if outcome is Outcome.CONVERGED:
-        return Evidence.SIMULATED
+        return StabilityEvidence.SIMULATED
     if constant and abscissa is not None and abscissa > 0.0:
-        return Evidence.FALSIFIED
-    return Evidence.NONE
+        return StabilityEvidence.FALSIFIED
+    return StabilityEvidence.NONE

@@ -3,9 +3,11 @@
 The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are.
 Two estimators of its exponential rate are made:
 
-* modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of overlapping windows,
+* modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of
+overlapping windows,
   the least damped of those that carry the difference; the interval is the spread over windows.
-* envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation, which makes the
+* envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation,
+which makes the
   envelope of one mode free of ripple; the interval is the spread over blocks.
 
 The envelope's is kept unless the modes' interval is at least five times narrower, which says that the modes explain
@@ -30,7 +32,9 @@ _T95 = {1: 12.71, 2: 4.30, 3: 3.18, 4: 2.78, 5: 2.57, 6: 2.45, 7: 2.36}
 
 @frozen
 class Growth:
-    """Rate [1/s] with its 95 % interval, frequency [rad/s] of the mode that shows it, and the time window [s] it was seen in."""
+    """Rate [1/s] with its 95 % interval, frequency [rad/s] of the mode that shows it, and the time window [s] it was
+    seen in.
+    """
 
     rate: float
     low: float
@@ -74,7 +78,8 @@ def _running_max(values: np.ndarray, reach: int) -> np.ndarray:
 
 
 def growth(time: np.ndarray, difference: np.ndarray) -> Growth | None:
-    """Growth rate of `difference` (n, channels) sampled evenly at `time` (n,) [s]; None where there are fewer than 40 samples.
+    """Growth rate of `difference` (n, channels) sampled evenly at `time` (n,) [s]; None where there are fewer than 40
+    samples.
 
     The caller has cut round-off floor and saturation off (`usable`).
     """
@@ -119,7 +124,9 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
 
 
 def _modes_growth(time: np.ndarray, level: np.ndarray) -> Growth | None:
-    """Least damped mode over three overlapping windows; of the later part where its interval is three times narrower."""
+    """Least damped mode over three overlapping windows; of the later part where its interval is three times
+    narrower.
+    """
     whole = _modes_from(time, level, 0.0)
     if whole is not None and whole.half_width < _SHARP:
         return whole
@@ -127,7 +134,9 @@ def _modes_growth(time: np.ndarray, level: np.ndarray) -> Growth | None:
 
 
 def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float = np.inf) -> Growth | None:
-    """Least damped mode from the share `begin` of the run on; None as soon as it is sure that half its interval reaches `limit`."""
+    """Least damped mode from the share `begin` of the run on; None as soon as it is sure that half its interval reaches
+    `limit`.
+    """
     first, count = int(begin * len(time)), len(time)
     length = int(0.55 * (count - first))
     if length < 40:
@@ -141,20 +150,27 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float 
         if 0.5 * _T95[2] * np.ptp(rates) >= limit:  # three values deviate by half their range at least
             return None
     rate, half = _interval(np.array(rates))
-    # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by sqrt(3).
+    # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by
+    # sqrt(3).
     half = max(np.sqrt(3.0) * half, 1e-9)
-    return None if half >= limit else Growth(
-        rate,
-        float(rate - half),
-        float(rate + half),
-        float(abs(mode.imag)),
-        (float(time[first]), float(time[-1])),
-        "modes",
+    return (
+        None
+        if half >= limit
+        else Growth(
+            rate,
+            float(rate - half),
+            float(rate + half),
+            float(abs(mode.imag)),
+            (float(time[first]), float(time[-1])),
+            "modes",
+        )
     )
 
 
 def dominant_mode(time: np.ndarray, signals: np.ndarray) -> complex | None:
-    """Pole [1/s + i rad/s] with the largest real part among those that carry at least 3 % of `signals` (n, channels)."""
+    """Pole [1/s + i rad/s] with the largest real part among those that carry at least 3 % of `signals` (n,
+    channels).
+    """
     stride = max(1, len(time) // _SAMPLES)
     y, step = _principal(signals[::stride]), stride * (time[-1] - time[0]) / (len(time) - 1)
     found = poles(y, step)
@@ -214,7 +230,9 @@ def _sketch(rows: int, columns: int) -> np.ndarray:
 
 
 def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
-    """RMS that each pole contributes to `signals`, over the later half of the window; `found`: one of each conjugate pair."""
+    """RMS that each pole contributes to `signals`, over the later half of the window; `found`: one of each conjugate
+    pair.
+    """
     exponents = np.outer(step * np.arange(len(signals)), found)
     basis = np.exp(np.clip(exponents.real, -300, 300) + 1j * exponents.imag)
     power = basis.real**2 + basis.imag**2
@@ -230,9 +248,11 @@ def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
 
 
 def _envelope_growth(time: np.ndarray, level: np.ndarray, frequency: float) -> Growth | None:
-    """Slope of the log of the period-averaged norm, from the earliest beginning that gives nearly the narrowest interval."""
+    """Slope of the log of the period-averaged norm, from the earliest beginning that gives nearly the narrowest
+    interval.
+    """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    period = int(round(2.0 * np.pi / frequency / step)) if frequency > 0 else len(time) // 10
+    period = round(2.0 * np.pi / frequency / step) if frequency > 0 else len(time) // 10
     if not 2 <= period <= len(time) // 4:
         period = len(time) // 8
     power = np.concatenate([[0.0], np.cumsum(np.einsum("ij,ij->i", level, level))])

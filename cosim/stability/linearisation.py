@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import field, frozen
 
+from cosim.engine.master import System, initialise
+from cosim.engine.reference import marked
 from cosim.errors import InputError, Problem, RunError
-from cosim.execution import marked
-from cosim.master import System, initialise
 from cosim.scenario import Scenario, with_parameters
 from cosim.signals import stem
 from cosim.stability.spectrum import DelayFamily, DelaySystem
@@ -46,7 +46,7 @@ class LinearFmu:
 
 
 @frozen
-class Loop:
+class LinearLoop:
     """The linearised loop: names of the states kept, and one matrix (n, n) for every way; delays of the channels [s].
 
     `channels` maps each channel to its bounds (least, mean, greatest) [s]; `constant` says whether all delays are
@@ -98,29 +98,36 @@ def at_pose(scenario: Scenario, pose: Sequence[float] | None) -> Scenario:
     return with_parameters(scenario, values | {f"{arm}.dq_start": 0.0 for arm in arms})
 
 
-def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None) -> Loop:
+def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None) -> LinearLoop:
     """Linearise the loop at the start pose of the scenario, on loaded FMUs. Raises RunError, InputError.
 
-    mark: where it says which FMU is at work (see cosim.execution.marked).
+    mark: where it says which FMU is at work (see cosim.engine.reference.marked).
     """
     wiring, mark = system.wiring(scenario), marked() if mark is None else mark
-    slaves = {slave.name: slave for slave in system.slaves(wiring)}
-    initialise(wiring, list(slaves.values()), mark)
+    instances = {instance.name: instance for instance in system.instances(wiring)}
+    initialise(wiring, list(instances.values()), mark)
     channels, fmus = channel_bounds(wiring), {}
     for number, name in enumerate(scenario.components):
         mark[1] = number
-        fmus[name] = _channel(wiring, name) if name in channels else _linear(wiring, name, slaves[name])
+        fmus[name] = _channel(wiring, name) if name in channels else _linear(wiring, name, instances[name])
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
     if not states:
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))
     terms = _Paths(wiring, fmus, states, set(channels)).derivatives()
     kept = _relevant(states, terms)
     if not kept:
-        raise InputError(Problem(scenario.name, "states whose FMUs act on each other in a loop", "none", "connect the arms through a controller"))
+        raise InputError(
+            Problem(
+                scenario.name,
+                "states whose FMUs act on each other in a loop",
+                "none",
+                "connect the arms through a controller",
+            )
+        )
     terms = {way: matrix[np.ix_(kept, kept)] for way, matrix in terms.items()}
     terms = {way: matrix for way, matrix in terms.items() if np.any(matrix) or way == Way(0.0, ())}
     used = {c for way in terms for c in way.channels}
-    return Loop(
+    return LinearLoop(
         tuple(states[k] for k in kept),
         terms,
         {n: b[:3] for n, b in channels.items() if n in used},
@@ -134,7 +141,7 @@ def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]
     return {n: _bounds(wiring, n) for n in wiring.scenario.components if wiring.descriptions[n].model == CHANNEL}
 
 
-def _linear(wiring: Wiring, name: str, slave) -> LinearFmu:
+def _linear(wiring: Wiring, name: str, instance) -> LinearFmu:
     variables = wiring.descriptions[name].variables.values()
     rates = {v.derivative_of: v.name for v in variables if v.derivative_of}
     inputs = tuple(wiring.inputs(name))
@@ -145,10 +152,12 @@ def _linear(wiring: Wiring, name: str, slave) -> LinearFmu:
             (), inputs, outputs, *(np.zeros((len(r), len(c))) for r in ((), outputs) for c in ((), inputs))
         )
     knowns, unknowns = states + inputs, slopes + outputs
-    whole = slave.jacobian(unknowns, knowns)
+    whole = instance.jacobian(unknowns, knowns)
     if not np.isfinite(whole).all():
         row, column = np.argwhere(~np.isfinite(whole))[0]
-        raise RunError(name, 0.0, f"the derivative of {unknowns[row]} by {knowns[column]} is not finite at the start pose")
+        raise RunError(
+            name, 0.0, f"the derivative of {unknowns[row]} by {knowns[column]} is not finite at the start pose"
+        )
     n = len(states)
     return LinearFmu(states, inputs, outputs, whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
 

@@ -36,7 +36,9 @@ class Locus:
 
 
 def loci(family: DelayFamily, delay: float, samples: int = 1200) -> list[Locus]:
-    """Characteristic loci of the loop opened at the channel, strongest first; those that never reach 1e-3 are left out."""
+    """Characteristic loci of the loop opened at the channel, strongest first; those that never reach 1e-3 are left
+    out.
+    """
     top = 1.05 * root_bound(family.at(0.0))
     grid = np.geomspace(1e-4 * top, top, samples)
     gains = _followed(_strongest(_gains(family, grid)))
@@ -52,7 +54,9 @@ def _strongest(values: np.ndarray) -> np.ndarray:
 
 
 def _followed(values: np.ndarray) -> np.ndarray:
-    """Eigenvalues (w, n) put in an order that is continuous in w, by the nearest assignment from one frequency to the next."""
+    """Eigenvalues (w, n) put in an order that is continuous in w, by the nearest assignment from one frequency to the
+    next.
+    """
     from scipy.optimize import linear_sum_assignment
 
     values = values.copy()

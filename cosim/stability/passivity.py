@@ -22,7 +22,8 @@ def port_passivity(
     highest: float = 1e4,
     samples: int = 600,
 ) -> PortPassivity:
-    """Least eigenvalue over frequency of the Hermitian part of Z(i w) = (C (i w I - A)^-1 B + D)^-1, and the verdict on it.
+    """Least eigenvalue over frequency of the Hermitian part of Z(i w) = (C (i w I - A)^-1 B + D)^-1, and the verdict on
+    it.
 
     A linear port is passive if it is stable (roots at zero allowed: a free arm) and Re Z >= 0 at every frequency
     (positive realness). State space (n, n), (n, m), (m, n), (m, m); f [N] to dx [m/s]. True for small motion about

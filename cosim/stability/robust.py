@@ -27,7 +27,9 @@ def delay_law_bound(family: DelayFamily, samples: int = 400) -> float:
 
 
 def quick_limit(family: DelayFamily) -> float:
-    """A number [s] that `delay_law_bound` cannot pass, from one frequency: no scaling takes a norm below the spectral radius."""
+    """A number [s] that `delay_law_bound` cannot pass, from one frequency: no scaling takes a norm below the spectral
+    radius.
+    """
     if not family.channel.matrices:
         return 0.0
     factors = [_factor(matrix) for matrix in family.channel.matrices]
@@ -56,7 +58,9 @@ def _response(family: DelayFamily, left: np.ndarray, right: np.ndarray, frequenc
 
 
 def _scaled_peak(response, grid: np.ndarray, blocks: np.ndarray) -> float:
-    """min over scalings of max over frequency of the largest singular value; the peak is refined between grid points."""
+    """min over scalings of max over frequency of the largest singular value; the peak is refined between grid
+    points.
+    """
     from scipy.optimize import minimize_scalar
 
     on_grid = response(grid)

@@ -1,4 +1,6 @@
-"""Exact spectrum of a linear loop with delays: Chebyshev collocation of its generator, then Newton on the true matrix."""
+"""Exact spectrum of a linear loop with delays: Chebyshev collocation of its generator, then Newton on the true
+matrix.
+"""
 
 from collections.abc import Sequence
 
@@ -51,7 +53,9 @@ class DelaySystem:
 
 
 def chebyshev(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes cos(i pi / N) on [-1, 1], shape (N + 1,), and their differentiation matrix (Trefethen 2000, program `cheb`)."""
+    """Nodes cos(i pi / N) on [-1, 1], shape (N + 1,), and their differentiation matrix (Trefethen 2000, program
+    `cheb`).
+    """
     nodes = np.cos(np.pi * np.arange(order + 1) / order)
     weights = np.ones(order + 1)
     weights[[0, -1]] = 2.0
@@ -91,7 +95,9 @@ def generator(system: DelaySystem, order: int) -> np.ndarray:
 
 
 def balanced(system: DelaySystem) -> DelaySystem:
-    """The same spectrum with states scaled by powers of two, so that norms mean something (Parlett and Reinsch 1969)."""
+    """The same spectrum with states scaled by powers of two, so that norms mean something (Parlett and Reinsch
+    1969).
+    """
     total = sum(np.abs(matrix) for matrix in system.matrices)
     scale = np.ones(system.size)
     for _ in range(20):
@@ -111,8 +117,10 @@ def balanced(system: DelaySystem) -> DelaySystem:
 def polish(system: DelaySystem, guess: complex) -> complex | None:
     """Newton correction of one root on the exact characteristic matrix; None where it does not converge.
 
-    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v, s <- s - lambda of least modulus, found as the
-    largest 1 / lambda of Delta(s)^-1 Delta'(s). It stays quadratic on semisimple multiple roots, which equal axes produce.
+    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v, s <- s - lambda of least modulus, found as
+    the
+    largest 1 / lambda of Delta(s)^-1 Delta'(s). It stays quadratic on semisimple multiple roots, which equal axes
+    produce.
     """
     s = complex(guess)
     for _ in range(_POLISH):
@@ -136,7 +144,8 @@ def polish(system: DelaySystem, guess: complex) -> complex | None:
 
 
 def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: int = 4) -> np.ndarray:
-    """Rightmost characteristic roots with real part >= `above` [1/s], polished, right to left; each conjugate pair once.
+    """Rightmost characteristic roots with real part >= `above` [1/s], polished, right to left; each conjugate pair
+    once.
 
     Upper half plane only (imaginary part >= 0), shape (k,). Multiple roots appear once. The collocation order grows
     until its `sure` rightmost eigenvalues are roots to 1e-6 before polishing; roots far to the left are only as
@@ -230,7 +239,7 @@ def count_right(system: DelaySystem, real: float, samples: int = 4000) -> int:
     grid = np.concatenate([[0.0], np.geomspace(1e-6 * bound, bound, samples)])
     values = [value(w) for w in grid]
     turned = sum(_turn(value, grid[i], grid[i + 1], values[i], values[i + 1], 40) for i in range(samples))
-    return int(round(-turned / np.pi))
+    return round(-turned / np.pi)
 
 
 def _turn(value, low: float, high: float, at_low: complex, at_high: complex, depth: int) -> float:
@@ -304,7 +313,8 @@ def _sum(system: DelaySystem, s: np.ndarray) -> np.ndarray:
 
 
 def max_delay(family: DelayFamily) -> float:
-    """Least channel delay T [s] each way at which the loop loses stability; inf if none does, 0 if unstable without delay.
+    """Least channel delay T [s] each way at which the loop loses stability; inf if none does, 0 if unstable without
+    delay.
 
     The crossing comes from the frequency sweep and is then polished by Newton on (w, T) at the exact characteristic
     matrix.

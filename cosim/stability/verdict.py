@@ -10,21 +10,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import frozen
 
-from cosim.outcome import Outcome
-from cosim.rows import stacked
+from cosim.engine.outcome import Outcome
+from cosim.engine.table import stacked
 from cosim.stability.growth import Growth, growth, usable
 
 _STATE = re.compile(r"^(?P<arm>[^.]+)\.(?P<kind>d?q)(\[(?P<joint>\d)\])?$")
 _DIRECTION = (1.0, 0.8, 0.6)
 PERTURBATION = 1e-6
-"""Size of the difference of the starts [rad/s]: 1e6 above round-off and far below any nonlinearity of the arm (1 rad)."""
+"""Size of the difference of the starts [rad/s]: 1e6 above round-off and far below any nonlinearity of the arm (1
+rad).
+"""
 _ROUND_OFF = 1e-12
 _CEILING = 1e-2
 _ENDED = (Outcome.DOMAIN_EXIT, Outcome.DIVERGED, Outcome.LIMIT_HIT, Outcome.FAILED)
 
 
 @frozen
-class Verdict:
+class GrowthVerdict:
     """Outcome with growth rate [1/s], its 95 % interval, the window [s] used, and how it was found."""
 
     outcome: Outcome
@@ -51,7 +53,7 @@ def perturbation(arms: Mapping[str, int], size: float = PERTURBATION) -> dict[st
     return changes
 
 
-def judge(result, twin) -> Verdict:
+def judge(result, twin) -> GrowthVerdict:
     """Verdict on a run and its twin (results of the master: `outcome`, `time` (n,) [s], `signals`).
 
     The difference of the joint rates of all arms is followed, rates because the loop is neutral against a common
@@ -71,11 +73,11 @@ def judge(result, twin) -> Verdict:
     return _verdict(result, rates, found)
 
 
-def _verdict(result, rates: np.ndarray, found: Growth | None) -> Verdict:
+def _verdict(result, rates: np.ndarray, found: Growth | None) -> GrowthVerdict:
     if found is None:
-        return Verdict(_ended(result) or Outcome.INCONCLUSIVE, np.nan, (np.nan, np.nan))
+        return GrowthVerdict(_ended(result) or Outcome.INCONCLUSIVE, np.nan, (np.nan, np.nan))
     outcome = _ended(result) or outcome_of(found, result, rates)
-    return Verdict(outcome, found.rate, (found.low, found.high), found.window, found.estimator, found.frequency)
+    return GrowthVerdict(outcome, found.rate, (found.low, found.high), found.window, found.estimator, found.frequency)
 
 
 def _ended(result) -> Outcome | None:
@@ -84,7 +86,9 @@ def _ended(result) -> Outcome | None:
 
 
 def outcome_of(found: Growth, result, rates: np.ndarray) -> Outcome:
-    """Sign of the growth rate, if its interval leaves zero; else what the motion itself shows. rates: all dq (n, channels)."""
+    """Sign of the growth rate, if its interval leaves zero; else what the motion itself shows. rates: all dq (n,
+    channels).
+    """
     if self_sustained(result, rates):
         return Outcome.LIMIT_CYCLE
     if found.low > 0.0:

@@ -27,7 +27,9 @@ class Audit:
 
 
 def missed_area(wrong: int, points: int, level: float) -> float:
-    """Upper Clopper-Pearson limit of a share when `wrong` of `points` independent ones show it; about 3 / points for none at 95 %."""
+    """Upper Clopper-Pearson limit of a share when `wrong` of `points` independent ones show it; about 3 / points for
+    none at 95 %.
+    """
     if wrong == 0 and points > 0:
         return 1.0 - (1.0 - level) ** (1.0 / points)  # the same, and scipy.special is long to import
     from scipy.special import betaincinv

@@ -68,7 +68,9 @@ class Boundary:
 
 
 def trace_line(precision: Precision) -> Tracer:
-    """All sign changes along the unit interval that `cells` even steps can tell apart; curves are single places (1, 1)."""
+    """All sign changes along the unit interval that `cells` even steps can tell apart; curves are single places (1,
+    1).
+    """
     nodes = np.linspace(0.0, 1.0, precision.cells + 1)
     values = yield [(float(x),) for x in nodes]
     pairs = [k for k in range(precision.cells) if opposite(values[k], values[k + 1])]
@@ -99,7 +101,8 @@ def narrow(
     A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
     to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
     the estimate means nothing). One that is shorter than the tolerance from the beginning, with twice the rate at one
-    end, needs no value more: its zero is within the tolerance of the estimate, and near it where the rate does not jump.
+    end, needs no value more: its zero is within the tolerance of the estimate, and near it where the rate does not
+    jump.
     """
     hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
     for _ in range(rounds):
@@ -128,8 +131,10 @@ class _Hunt:
         self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
 
     def share(self) -> float:
-        """Next estimate, kept off the ends by a hundredth: the secant at first, then the inverse parabola through a, b, c
-        where it is sure to rise from end to end, else the middle."""
+        """Next estimate, kept off the ends by a hundredth: the secant at first, then the inverse parabola through a, b,
+        c
+        where it is sure to rise from end to end, else the middle.
+        """
         a, b, c, fa, fb, fc = self.a, self.b, self.c, self.fa, self.fb, self.fc
         share = 0.5 * (a + b)
         if np.isnan(c):
@@ -164,25 +169,29 @@ class _Hunt:
 
 
 def trace_square(precision: Precision, tree: Tree | None = None) -> Tracer:
-    """The boundary in the unit square; `tree` goes on from an earlier trace (after an audit has found something missed)."""
+    """The boundary in the unit square; `tree` goes on from an earlier trace (after an audit has found something
+    missed).
+    """
     tree = tree or Tree(Lattice.jittered(precision.cells, precision.seed))
     yield from _complete(tree)
     for leaf in tree.suspicious():
         tree.split(leaf)
     yield from _complete(tree)
     for _ in range(_TRACES):
-        while any([tree.split(leaf) for leaf in tree.crowded()]):
+        while any([tree.split(leaf) for leaf in tree.crowded()]):  # noqa: C419 - every leaf is split
             yield from _complete(tree)
         segments = yield from _segments(tree, precision.tolerance)
         lines, loose = yield from _bent(segments, tree, precision.tolerance)
-        if not any([tree.split(leaf) for leaf in _around(tree, loose)]):
+        if not any([tree.split(leaf) for leaf in _around(tree, loose)]):  # noqa: C419 - every leaf is split
             break
         yield from _complete(tree)
     return Boundary(tuple(_joined(lines)), tree)
 
 
 def _around(tree: Tree, places: list[np.ndarray]) -> list[Cell]:
-    """Leaves that hold places where the boundary was not found across a chord: it runs on through an edge, as tips of tongues do."""
+    """Leaves that hold places where the boundary was not found across a chord: it runs on through an edge, as tips of
+    tongues do.
+    """
     return list(dict.fromkeys(tree.leaf_at(tree.lattice.place(place)) for place in places))
 
 
@@ -194,7 +203,7 @@ def _complete(tree: Tree) -> Generator[Places, list[float], None]:
 
 
 @frozen
-class _Segment:
+class _BoundarySegment:
     """Two zeros on the edges of one leaf."""
 
     leaf: Cell
@@ -202,13 +211,13 @@ class _Segment:
     end: np.ndarray = field(eq=False)
 
 
-def _segments(tree: Tree, tolerance: float) -> Generator[Places, list[float], list[_Segment]]:
+def _segments(tree: Tree, tolerance: float) -> Generator[Places, list[float], list[_BoundarySegment]]:
     """Zeros of all crossed edges, joined across leaves."""
     crossed = list(each_edge(tree))
     parts = list(dict.fromkeys(part for _, leaf_parts in crossed for part in leaf_parts))
     brackets = [_bracket(tree, part) for part in parts]
     zeros = dict(zip(parts, (yield from narrow(brackets, tolerance))))
-    return [_Segment(leaf, zeros[p[0]], zeros[p[1]]) for leaf, p in crossed if len(p) == 2]
+    return [_BoundarySegment(leaf, zeros[p[0]], zeros[p[1]]) for leaf, p in crossed if len(p) == 2]
 
 
 def _bracket(tree: Tree, part: tuple[Node, Node]) -> Bracket:
@@ -245,7 +254,7 @@ class _Chord:
 
 
 def _bent(
-    segments: list[_Segment], tree: Tree, tolerance: float
+    segments: list[_BoundarySegment], tree: Tree, tolerance: float
 ) -> Generator[Places, list[float], tuple[list[list[np.ndarray]], list[np.ndarray]]]:
     """Polylines of all segments, bent until a chord leaves the boundary by less than the tolerance; and loose places.
 
@@ -296,9 +305,11 @@ def _vertices(
 
 
 def _bracketed(starts: list) -> Generator[Places, list[float], list[Bracket | None]]:
-    """Brackets from the middles of chords along their steps, the steps doubled until the sign changes; None where it does not."""
+    """Brackets from the middles of chords along their steps, the steps doubled until the sign changes; None where it
+    does not.
+    """
     brackets: list[Bracket | None] = [None] * len(starts)
-    reach = {k: 1.2 for k in range(len(starts))}
+    reach = dict.fromkeys(range(len(starts)), 1.2)
     while reach:
         ends = {k: np.clip(starts[k][0].middle + reach[k] * starts[k][2], 0.0, 1.0) for k in reach}
         values = yield [tuple(float(x) for x in end) for end in ends.values()]
@@ -337,7 +348,9 @@ def _joined(lines: list[list[np.ndarray]]) -> list[np.ndarray]:
 
 
 def _join(one: list[np.ndarray], other: list[np.ndarray]) -> list[np.ndarray] | None:
-    same = lambda a, b: bool(np.all(np.abs(a - b) < 1e-12))  # noqa: E731
+    def same(a, b):
+        return bool(np.all(np.abs(a - b) < 1e-12))
+
     if same(one[-1], other[0]):
         return one + other[1:]
     if same(one[-1], other[-1]):

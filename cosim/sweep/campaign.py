@@ -1,4 +1,6 @@
-"""The course of a sweep: points asked for in rounds, answered from the journal or by workers, until the design is done."""
+"""The course of a sweep: points asked for in rounds, answered from the journal or by workers, until the design is
+done.
+"""
 
 import json
 import time
@@ -15,17 +17,19 @@ from cosim.sweep.boundary import Boundary, Precision, trace_line
 from cosim.sweep.evaluate import EVALUATORS
 from cosim.sweep.journal import Journal
 from cosim.sweep.level_set import Budget, learn
-from cosim.sweep.points import Finding, Point, point
+from cosim.sweep.points import Point, PointResult, point
 from cosim.sweep.pool import Task, Workers
 from cosim.sweep.spec import Axis, BoundaryDesign, Choice, Grid, LevelSet, Sweep
 
 Round = list[Point]
-Course = Generator[Round, list[Finding], "tuple[Curve, ...]"]
+Course = Generator[Round, list[PointResult], "tuple[Curve, ...]"]
 
 
 @frozen
 class Curve:
-    """One traced boundary: which entries of the other axes it belongs to, lines of (x, y) in axis units, what the audit found."""
+    """One traced boundary: which entries of the other axes it belongs to, lines of (x, y) in axis units, what the audit
+    found.
+    """
 
     label: str
     others: tuple[tuple[str, object], ...]
@@ -40,7 +44,7 @@ class Campaign:
     sweep: Sweep
     task: Task
     points: tuple[Point, ...]
-    findings: tuple[Finding, ...] = field(repr=False)
+    findings: tuple[PointResult, ...] = field(repr=False)
     curves: tuple[Curve, ...] = ()
     executor: str = ""
     known_before: int = 0
@@ -48,7 +52,7 @@ class Campaign:
 
 
 @frozen
-class Progress:
+class SweepProgress:
     """Points done of those asked for so far, how many of them in this call, seconds since it began."""
 
     done: int
@@ -84,25 +88,26 @@ def fingerprint(task: Task, origin: str = "") -> str:
     return sha256("\n".join(texts).encode()).hexdigest()[:24]
 
 
-def carry_out(
+def run_sweep(
     sweep: Sweep,
     folder: Path,
     workers: Workers,
     executor: str = "",
     chunk: int = 4,
-    tell: Callable[[Progress], None] | None = None,
+    tell: Callable[[SweepProgress], None] | None = None,
     origin: str = "",
 ) -> Campaign:
     """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
 
-    The points asked for and their order depend on findings only, so that any number of workers gives the same table. A round
+    The points asked for and their order depend on findings only, so that any number of workers gives the same table. A
+    round
     is filled up to `chunk` points a worker with what will be asked for anyway, the audit.
     Raises InputError where the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)
     with Journal(folder / "journal.jsonl", fingerprint(task, origin)) as journal:
         before = len(journal.findings)
-        board = _Board(task, journal, workers, chunk, tell, _ahead(sweep))
+        board = _AskedPoints(task, journal, workers, chunk, tell, _ahead(sweep))
         course = _course(sweep)
         try:
             asked = next(course)
@@ -115,21 +120,30 @@ def carry_out(
     return Campaign(sweep, task, points, findings, curves, executor, before, time.perf_counter() - began)
 
 
-class _Board:
+class _AskedPoints:
     """Points asked for so far, in order, and the journal that remembers what was found."""
 
     def __init__(self, task: Task, journal: Journal, workers: Workers, chunk: int, tell, ahead: Round) -> None:
-        self.task, self.journal, self.workers, self.chunk, self.tell, self.ahead = task, journal, workers, chunk, tell, ahead
+        self.task, self.journal, self.workers, self.chunk, self.tell, self.ahead = (
+            task,
+            journal,
+            workers,
+            chunk,
+            tell,
+            ahead,
+        )
         self.asked: dict[str, Point] = {}
         self.began, self.fresh = time.perf_counter(), 0
 
-    def answer(self, points: Round) -> list[Finding]:
+    def answer(self, points: Round) -> list[PointResult]:
         """Findings of the points, in their order."""
         self.asked |= {p.key: p for p in points if p.key not in self.asked}
         missing = self._unknown(points)
         room = -len(missing) % (self.chunk * self.workers.count)
         self._report()
-        for answered, findings in self.workers.answers(self.task, self._unknown([*missing, *self.ahead])[: len(missing) + room], self.chunk):
+        for answered, findings in self.workers.answers(
+            self.task, self._unknown([*missing, *self.ahead])[: len(missing) + room], self.chunk
+        ):
             self.journal.add(answered, findings)
             self.fresh += len(answered)
             self._report()
@@ -141,10 +155,10 @@ class _Board:
     def _report(self) -> None:
         if self.tell:
             done = sum(key in self.journal.findings for key in self.asked)
-            self.tell(Progress(done, len(self.asked), self.fresh, time.perf_counter() - self.began))
+            self.tell(SweepProgress(done, len(self.asked), self.fresh, time.perf_counter() - self.began))
 
 
-# --- designs -------------------------------------------------------------------------------------------------------------
+# --- designs ----------------------------------------------------------------------------------------------------------
 
 
 def first_point(sweep: Sweep) -> Point:
@@ -196,7 +210,11 @@ def _ahead(sweep: Sweep) -> Round:
     """Points that will be asked for whatever is found: those of the first audit."""
     if not isinstance(sweep.design, BoundaryDesign) or len(sweep.traced) != 2:
         return []
-    return [_place(sweep, others, shares) for others in _combinations(sweep) for shares in next(_audit(sweep.design).draws())]
+    return [
+        _place(sweep, others, shares)
+        for others in _combinations(sweep)
+        for shares in next(_audit(sweep.design).draws())
+    ]
 
 
 def _audit(design: BoundaryDesign) -> AuditPlan:
@@ -226,8 +244,10 @@ def _curve(sweep: Sweep, others: Sequence[object], boundary: Boundary, audit: Au
         for axis, entry in zip(sweep.enumerated, others)
     )
     label = ", ".join(_labelled(axis, entry) for axis, (_, entry) in zip(sweep.enumerated, named))
-    lines = tuple(tuple(tuple(axis.number(float(s)) for axis, s in zip(sweep.traced, vertex)) for vertex in curve)
-                  for curve in boundary.curves)  # fmt: skip
+    lines = tuple(
+        tuple(tuple(axis.number(float(s)) for axis, s in zip(sweep.traced, vertex)) for vertex in curve)
+        for curve in boundary.curves
+    )
     return Curve(label, named, lines, audit)
 
 
@@ -237,7 +257,23 @@ def _labelled(axis: Axis, entry: object) -> str:
 
 def settings(sweep: Sweep) -> dict[str, object]:
     """The sweep as plain values, for the summary."""
-    return {"name": sweep.name, "scenario": sweep.scenario, "evaluator": sweep.evaluator, "set": dict(sweep.set),
-            "design": type(sweep.design).__name__, **asdict(sweep.design),
-            "axes": [{"name": a.name, "unit": a.unit, "paths": list(a.paths), "low": a.low, "high": a.high, "scale": a.scale.value,
-                      "entries": [e.label if isinstance(e, Choice) else e for e in a.steps()]} for a in sweep.axes]}  # fmt: skip
+    return {
+        "name": sweep.name,
+        "scenario": sweep.scenario,
+        "evaluator": sweep.evaluator,
+        "set": dict(sweep.set),
+        "design": type(sweep.design).__name__,
+        **asdict(sweep.design),
+        "axes": [
+            {
+                "name": a.name,
+                "unit": a.unit,
+                "paths": list(a.paths),
+                "low": a.low,
+                "high": a.high,
+                "scale": a.scale.value,
+                "entries": [e.label if isinstance(e, Choice) else e for e in a.steps()],
+            }
+            for a in sweep.axes
+        ],
+    }

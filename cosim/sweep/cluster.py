@@ -1,4 +1,6 @@
-"""The same sweep on an existing Dask cluster: `--dask ADDRESS`. The only module that imports dask (optional extra `dask`)."""
+"""The same sweep on an existing Dask cluster: `--dask ADDRESS`. The only module that imports dask (optional extra
+`dask`).
+"""
 
 from collections.abc import Iterator, Sequence
 

@@ -8,7 +8,7 @@ from cosim.stability.assessment import coupling, sides
 from cosim.stability.criteria import delay_sum, sallam_eq10
 from cosim.stability.linearisation import channel_bounds, linearise
 from cosim.stability.spectrum import abscissa
-from cosim.sweep.evaluate import desk
+from cosim.sweep.evaluate import loaded
 from cosim.sweep.points import point
 from cosim.sweep.pool import Task
 from cosim.sweep.spec import Axis, Choice, Sweep
@@ -29,7 +29,8 @@ def theory_curves(
     for share in np.linspace(0.0, 1.0, SAMPLES):
         at_x = x.number(float(share))
         for name in sweep.curves:
-            place = _zero(lambda s, n=name: _margin(n, task, sweep, {x.name: at_x, y.name: y.number(s)} | dict(others)))
+            fixed = {x.name: at_x} | dict(others)
+            place = _zero(lambda s, n=name, at=fixed: _margin(n, task, sweep, {y.name: y.number(s)} | at))
             if place is not None:
                 found[name].append((at_x, y.number(place)))
     return found
@@ -38,8 +39,8 @@ def theory_curves(
 def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, object | Choice]) -> float:
     """Negative where the condition holds."""
     place = point(sweep.axes, [entries[axis.name] for axis in sweep.axes])
-    seat = desk(task, place)
-    wiring = seat.wiring(task, place)
+    at = loaded(task, place)
+    wiring = at.wiring(task, place)
     if name in ("delay_sum", "sallam_eq10"):
         pair = sides(wiring)
         if pair is None:
@@ -48,7 +49,7 @@ def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, object | 
         criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), *delays)
         used = 0.5 * sum(delays) if name == "delay_sum" else float(np.hypot(*delays)) / np.sqrt(2.0)
         return used - criterion.max_delay
-    return abscissa(linearise(wiring.scenario, seat.system).system())
+    return abscissa(linearise(wiring.scenario, at.system).system())
 
 
 def _zero(function, tolerance: float = 1e-4) -> float | None:

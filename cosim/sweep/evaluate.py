@@ -1,6 +1,8 @@
-"""Evaluators: what is found at points of a sweep. Each is a function of (task, points), exchangeable by name in the sweep's file.
+"""Evaluators: what is found at points of a sweep. Each is a function of (task, points), exchangeable by name in the
+sweep's file.
 
-`simulation` runs the batch kernel where it applies, and FMUs elsewhere, and at one in two hundred of the kernel's points
+`simulation` runs the batch kernel where it applies, and FMUs elsewhere, and at one in two hundred of the kernel's
+points
 too; `cosimulation` always runs FMUs; `spectrum`
 takes the growth rate from the exact spectrum of the loop linearised at its start pose (no simulation). Loaded FMUs
 stay for the next points.
@@ -14,22 +16,22 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve, frozen
 
+from cosim.engine.master import Result, run
+from cosim.engine.outcome import Outcome
 from cosim.errors import RunError
 from cosim.fmu import FmuSet, open_system
-from cosim.judging import twin_of
-from cosim.master import Result, run
-from cosim.outcome import Outcome
+from cosim.results.summary import tracking
 from cosim.scenario import Scenario, load_scenario, to_toml, with_parameters
 from cosim.signals import stem
 from cosim.stability.assessment import complete, coupling, sides
 from cosim.stability.criteria import delay_sum
-from cosim.stability.evidence import UNSTABLE, Evidence, strongest
+from cosim.stability.evidence import UNSTABLE, StabilityEvidence, strongest
 from cosim.stability.linearisation import channel_bounds, linearise
 from cosim.stability.robust import delay_law_bound, quick_limit
 from cosim.stability.spectrum import abscissa
-from cosim.stability.verdict import Verdict, judge
-from cosim.summary import tracking
-from cosim.sweep.points import Finding, Point
+from cosim.stability.twin import twin_of
+from cosim.stability.verdict import GrowthVerdict, judge
+from cosim.sweep.points import Point, PointResult
 from cosim.sweep.pool import Task
 from cosim.sweep.spec import SCENARIO
 from cosim.wiring import Wiring
@@ -44,7 +46,7 @@ _REPLAY_EVERY = 200
 
 
 @frozen
-class _Desk:
+class _LoadedScenario:
     """A scenario and its loaded FMUs."""
 
     scenario: Scenario
@@ -56,23 +58,24 @@ class _Desk:
         return self.system.wiring(with_parameters(self.scenario, dict(task.set) | values))
 
 
-def desk(task: Task, point: Point) -> _Desk:
+def loaded(task: Task, point: Point) -> _LoadedScenario:
     """The loaded FMUs of the scenario that the point belongs to."""
-    return _desk(dict(point.values).get(SCENARIO, task.scenario), task.effects)
+    return _loaded(dict(point.values).get(SCENARIO, task.scenario), task.effects)
 
 
 @lru_cache(maxsize=4)
-def _desk(scenario: str, effects: str | None) -> _Desk:
+def _loaded(scenario: str, effects: str | None) -> _LoadedScenario:
     chosen = load_scenario(scenario, effects=Path(effects) if effects else None)
-    return _Desk(chosen, open_system(chosen))
+    return _LoadedScenario(chosen, open_system(chosen))
 
 
 def check(task: Task, point: Point) -> str:
     """How the points will be run, in words; raises InputError where the first point does not fit the scenario."""
-    wiring = desk(task, point).wiring(task, point)
+    wiring = loaded(task, point).wiring(task, point)
     if not task.evaluator.endswith(":simulation"):
         return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
-            task.evaluator.partition(":")[2], task.evaluator)  # fmt: skip
+            task.evaluator.partition(":")[2], task.evaluator
+        )
     reason = _refusal(wiring)
     return (
         "batch kernel (same bits as the co-simulation)"
@@ -83,49 +86,49 @@ def check(task: Task, point: Point) -> str:
 
 def origin(task: Task, point: Point) -> str:
     """What findings come from besides the task: the text of the scenario at a point and the hashes of its FMUs."""
-    wiring = desk(task, point).wiring(task, point)
+    wiring = loaded(task, point).wiring(task, point)
     return to_toml(wiring.scenario) + " ".join(d.sha256 for d in wiring.descriptions.values())
 
 
-def simulation(task: Task, points: Sequence[Point]) -> list[Finding]:
+def simulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """Twin runs by the batch kernel where it applies, by FMUs elsewhere."""
-    seats = [_Seat.of(task, point) for point in points]
+    wired = [_WiredPoint.of(task, point) for point in points]
     by_kernel: dict[str, list[int]] = {}
-    for k, seat in enumerate(seats):
-        if _refusal(seat.wiring) is None:
-            by_kernel.setdefault(_lanes_key(seat.wiring), []).append(k)
-    found: dict[int, Finding] = {}
+    for k, at in enumerate(wired):
+        if _refusal(at.wiring) is None:
+            by_kernel.setdefault(_lanes_key(at.wiring), []).append(k)
+    found: dict[int, PointResult] = {}
     for places in by_kernel.values():
-        found |= zip(places, _batch([seats[k] for k in places]))
-    return [found[k] if k in found else _simulated(seat) for k, seat in enumerate(seats)]
+        found |= zip(places, _batch([wired[k] for k in places]))
+    return [found[k] if k in found else _simulated(at) for k, at in enumerate(wired)]
 
 
-def cosimulation(task: Task, points: Sequence[Point]) -> list[Finding]:
+def cosimulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """Twin runs of FMUs."""
-    return [_simulated(_Seat.of(task, point)) for point in points]
+    return [_simulated(_WiredPoint.of(task, point)) for point in points]
 
 
-def spectrum(task: Task, points: Sequence[Point]) -> list[Finding]:
+def spectrum(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """Exact growth rate of the linearised loop at the start pose, for the mean delays."""
     found = []
-    for seat in (_Seat.of(task, point) for point in points):
-        rate = abscissa(linearise(seat.wiring.scenario, seat.desk.system).system())
+    for at in (_WiredPoint.of(task, point) for point in points):
+        rate = abscissa(linearise(at.wiring.scenario, at.loaded.system).system())
         outcome = Outcome.CONVERGED if rate < 0.0 else Outcome.GROWING
-        found.append(Finding(outcome.value, rate, rate, rate, _evidence(seat, None, rate).value))
+        found.append(PointResult(outcome.value, rate, rate, rate, _evidence(at, None, rate).value))
     return found
 
 
 @frozen
-class _Seat:
-    """A point at its desk: the checked wiring."""
+class _WiredPoint:
+    """A point of the sweep with its loaded scenario and checked wiring."""
 
-    desk: _Desk
+    loaded: _LoadedScenario
     wiring: Wiring
     point: Point
 
     @classmethod
-    def of(cls, task: Task, point: Point) -> "_Seat":
-        chosen = desk(task, point)
+    def of(cls, task: Task, point: Point) -> "_WiredPoint":
+        chosen = loaded(task, point)
         return cls(chosen, chosen.wiring(task, point), point)
 
 
@@ -155,32 +158,38 @@ def _signals(wiring: Wiring) -> list[str]:
     )
 
 
-def _batch(seats: Sequence[_Seat]) -> list[Finding]:
+def _batch(wired: Sequence[_WiredPoint]) -> list[PointResult]:
     from cosim.sweep.kernel import run_batch
 
-    wirings = [seat.wiring for seat in seats]
-    twins = [seat.desk.system.wiring(twin_of(seat.wiring)) for seat in seats]
+    wirings = [at.wiring for at in wired]
+    twins = [at.loaded.system.wiring(twin_of(at.wiring)) for at in wired]
     results = run_batch([*wirings, *twins], _signals(wirings[0]))
-    found = zip(seats, results[: len(seats)], results[len(seats) :])
-    return [_replayed(seat, result, _finding(seat, result, twin)) for seat, result, twin in found]
+    found = zip(wired, results[: len(wired)], results[len(wired) :])
+    return [_replayed(at, result, _finding(at, result, twin)) for at, result, twin in found]
 
 
-def _replayed(seat: _Seat, result: Result, finding: Finding) -> Finding:
-    """The finding of a kernel's run; where the point was drawn, with the largest relative difference to the FMUs' run."""
-    if not drawn(seat.point):
+def _replayed(at: _WiredPoint, result: Result, finding: PointResult) -> PointResult:
+    """The finding of a kernel's run; where the point was drawn, with the largest relative difference to the FMUs'
+    run.
+    """
+    if not drawn(at.point):
         return finding
-    again = run(seat.wiring.scenario, seat.desk.system, record=list(result.signals))
+    again = run(at.wiring.scenario, at.loaded.system, record=list(result.signals))
     return evolve(finding, numbers={**finding.numbers, "kernel_difference": difference(result, again)})
 
 
 def drawn(point: Point) -> bool:
-    """Whether a point that the kernel ran is run by the FMUs too: one in `_REPLAY_EVERY`, by its hash, so at random but the
-    same in every process."""
+    """Whether a point that the kernel ran is run by the FMUs too: one in `_REPLAY_EVERY`, by its hash, so at random but
+    the
+    same in every process.
+    """
     return int(point.key[:8], 16) % _REPLAY_EVERY == 0
 
 
 def difference(result: Result, other: Result) -> float:
-    """Largest difference of two runs' signals, relative to the largest value of its signal; infinite for unlike lengths."""
+    """Largest difference of two runs' signals, relative to the largest value of its signal; infinite for unlike
+    lengths.
+    """
     if len(result.time) != len(other.time) or result.outcome is not other.outcome:
         return math.inf
     return max(
@@ -189,8 +198,8 @@ def difference(result: Result, other: Result) -> float:
     )
 
 
-def _simulated(seat: _Seat) -> Finding:
-    wiring, system = seat.wiring, seat.desk.system
+def _simulated(at: _WiredPoint) -> PointResult:
+    wiring, system = at.wiring, at.loaded.system
     record = [
         n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"
     ]
@@ -201,36 +210,36 @@ def _simulated(seat: _Seat) -> Finding:
     for result in results:
         if result.failure is not None:
             raise result.failure
-    return _finding(seat, *results)
+    return _finding(at, *results)
 
 
-def _finding(seat: _Seat, result: Result, twin: Result) -> Finding:
-    verdict: Verdict = judge(result, twin)
-    evidence = _evidence(seat, verdict.outcome)
+def _finding(at: _WiredPoint, result: Result, twin: Result) -> PointResult:
+    verdict: GrowthVerdict = judge(result, twin)
+    evidence = _evidence(at, verdict.outcome)
     apart = tracking(result)
     numbers = {"tracking_rmse": apart.total} if apart else {}
     numbers["simulated_time"] = float(result.time[-1])
-    return Finding(
+    return PointResult(
         verdict.outcome.value, verdict.growth_rate, *verdict.interval, evidence.value, numbers, result.message
     )
 
 
-def _evidence(seat: _Seat, outcome: Outcome | None, rate: float | None = None) -> Evidence:
+def _evidence(at: _WiredPoint, outcome: Outcome | None, rate: float | None = None) -> StabilityEvidence:
     """The strongest evidence, the dear conditions only where the cheap ones leave it open."""
     if outcome in UNSTABLE:
-        return Evidence.FALSIFIED
-    wiring = seat.wiring
+        return StabilityEvidence.FALSIFIED
+    wiring = at.wiring
     channels, pair = channel_bounds(wiring), sides(wiring)
     if pair is None or len(channels) != 2 or not complete(wiring):
         return strongest(outcome)
     longest, constant = [bounds[2] for bounds in channels.values()], all(bounds[3] for bounds in channels.values())
     compensated = all(side.compensated for side in pair)
     if compensated and delay_sum(coupling(pair), *longest).holds:
-        return Evidence.ANY_MASS
-    loop = linearise(wiring.scenario, seat.desk.system)
+        return StabilityEvidence.ANY_MASS
+    loop = linearise(wiring.scenario, at.loaded.system)
     family = loop.family()
     if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
-        return Evidence.KNOWN_MASS
+        return StabilityEvidence.KNOWN_MASS
     if constant and rate is None:
         rate = abscissa(loop.system())
     return strongest(outcome, abscissa=rate, constant=constant)

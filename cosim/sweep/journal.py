@@ -1,8 +1,11 @@
-"""The journal of a sweep: one line a finding, handed to the system before it counts. Kill the process at any time and run again.
+"""The journal of a sweep: one line a finding, handed to the system before it counts. Kill the process at any time and
+run again.
 
 The first line says which sweep it belongs to. A line that was being written when the process died is cut off on
-opening. Lines are appended by one process only (a lock file tells); each append is one write. The disk is waited for once a second
-at most and at the end (a busy one takes longer than the points); only a machine that loses its power can lose what came after.
+opening. Lines are appended by one process only (a lock file tells); each append is one write. The disk is waited for
+once a second
+at most and at the end (a busy one takes longer than the points); only a machine that loses its power can lose what came
+after.
 """
 
 import json
@@ -15,7 +18,7 @@ import numpy as np
 from attrs import asdict
 
 from cosim.errors import InputError, Problem
-from cosim.sweep.points import Finding, Point
+from cosim.sweep.points import Point, PointResult
 
 FORMAT = 1
 SYNCED = 1.0  # s between two waits for the disk
@@ -27,7 +30,7 @@ class Journal:
     def __init__(self, path: Path, fingerprint: str) -> None:
         """Open or begin the journal at `path`. Raises InputError where it belongs to another sweep or is in use."""
         self.path = path
-        self.findings: dict[str, Finding] = {}
+        self.findings: dict[str, PointResult] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
         self.file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         self.synced = time.monotonic()
@@ -58,13 +61,19 @@ class Journal:
         head = json.loads(lines[0])
         if head.get("sweep") != fingerprint or head.get("format") != FORMAT:
             os.close(self.file)
-            raise InputError(Problem(str(self.path), "the journal of this sweep", "that of another one or of a changed one",
-                                     "choose another --out, or remove the folder to begin anew"))  # fmt: skip
+            raise InputError(
+                Problem(
+                    str(self.path),
+                    "the journal of this sweep",
+                    "that of another one or of a changed one",
+                    "choose another --out, or remove the folder to begin anew",
+                )
+            )
         for line in lines[1:]:
             entry = json.loads(line)
-            self.findings[entry["key"]] = Finding(**entry["finding"])
+            self.findings[entry["key"]] = PointResult(**entry["finding"])
 
-    def add(self, points: Sequence[Point], findings: Sequence[Finding]) -> None:
+    def add(self, points: Sequence[Point], findings: Sequence[PointResult]) -> None:
         """Keep findings: on return they outlive this process. A point that is known already is not written again."""
         fresh = [(p.key, f) for p, f in zip(points, findings) if p.key not in self.findings]
         if fresh:
@@ -92,7 +101,7 @@ class Journal:
         self.close()
 
 
-def _plain(finding: Finding) -> dict[str, object]:
+def _plain(finding: PointResult) -> dict[str, object]:
     return asdict(
         finding, value_serializer=lambda _, __, value: float(value) if isinstance(value, np.floating) else value
     )

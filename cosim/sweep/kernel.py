@@ -1,8 +1,10 @@
 """The batch kernel: many scenarios of the built-in loop at once, in the vector lanes of fmu_src/kernel/kernel.c.
 
 It runs the same schedule on the same physics source as the FMUs and gives their bits, without FMI. It applies to arms
-without effects, P-like controllers, channels with the semantics `time_delay` and no loss, and components that nothing is
-wired into (an operator that does not feel the arm): their signals, and the delays of every law but the constant one, are
+without effects, P-like controllers, channels with the semantics `time_delay` and no loss, and components that nothing
+is
+wired into (an operator that does not feel the arm): their signals, and the delays of every law but the constant one,
+are
 computed beforehand by the FMUs themselves. `refusal` says why it does not apply; then the co-simulation does.
 """
 
@@ -20,27 +22,38 @@ from functools import cache
 import numpy as np
 from attrs import evolve, field, frozen
 
+from cosim.engine.master import Result, Timetable, run
+from cosim.engine.native import Arena
+from cosim.engine.outcome import Outcome
+from cosim.engine.reference import Ending
+from cosim.engine.table import SignalTable
 from cosim.errors import RunError
-from cosim.execution import Ending
-from cosim.master import Result, Timetable, run
-from cosim.native import Arena
-from cosim.outcome import Outcome
-from cosim.rows import Rows
-from cosim.schedule import GetOutputs, Operation, Phase, Record, SetInputs, seconds
 from cosim.signals import index_of, stem
 from cosim.wiring import Wiring
+from cosim.wiring.schedule import GetOutputs, Operation, Phase, Record, SetInputs, seconds
 
 _ARM, _CONTROLLER, _CHANNEL, _SERIES = range(4)
 _KINDS = {"PhantomArm": _ARM, "PLikeController": _CONTROLLER, "VariableDelayChannel": _CHANNEL}
 _INPUTS = {
-    _ARM: ("tau", "f", "f_command", "x_ref"), _CONTROLLER: ("x_ref", "x", "dx", "q_ref", "q", "dq"),
-    _CHANNEL: ("u", "v"), _SERIES: (),
-}  # fmt: skip
+    _ARM: ("tau", "f", "f_command", "x_ref"),
+    _CONTROLLER: ("x_ref", "x", "dx", "q_ref", "q", "dq"),
+    _CHANNEL: ("u", "v"),
+    _SERIES: (),
+}
 _OUTPUTS = {
-    _ARM: {"q": 0, "dq": 3, "x": 6, "dx": 9, "x_tip": 6, "dx_tip": 9}, _CONTROLLER: {"f": 0, "tau": 3},
+    _ARM: {"q": 0, "dq": 3, "x": 6, "dx": 9, "x_tip": 6, "dx_tip": 9},
+    _CONTROLLER: {"f": 0, "tau": 3},
     _CHANNEL: {"y": 0, "w": 3},
-}  # fmt: skip
-_ARM_VECTORS = {"viscous": 10, "coulomb": 13, "coulomb_velocity": 16, "stiffness": 19, "damping": 22, "q_start": 25, "dq_start": 28}
+}
+_ARM_VECTORS = {
+    "viscous": 10,
+    "coulomb": 13,
+    "coulomb_velocity": 16,
+    "stiffness": 19,
+    "damping": 22,
+    "q_start": 25,
+    "dq_start": 28,
+}
 _ARM_PARAMETERS = {"pi", "gravity_compensation", "mounting", "internal_steps", "workspace_limits", *_ARM_VECTORS}
 _CONTROLLER_VECTORS = {"stiffness": 0, "damping": 3, "joint_stiffness": 6, "joint_damping": 9}
 _COUNTS = {_ARM: 12, _CONTROLLER: 6, _CHANNEL: 6}  # outputs of a kind; a series has what its FMU has
@@ -55,21 +68,47 @@ _MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
 _MOST_STEPS = 8000  # the channel FMU's buffer, less a margin
 
 
-class _Component(ctypes.Structure):
+class _NativeComponent(ctypes.Structure):
     _fields_ = [
-        ("kind", c_int64), ("n_inputs", c_int64), ("inputs", c_void_p), ("first", c_int64), ("numbers", c_void_p),
-        ("internal_steps", c_int64), ("workspace", c_int64), ("impedance", c_int64), ("viscous", c_int64), ("coulomb", c_int64),
-        ("linear", c_int64), ("series", c_void_p), ("n_series", c_int64), ("series_step", c_void_p), ("history", c_void_p), ("stamps", c_void_p), ("capacity", c_int64),
-    ]  # fmt: skip
+        ("kind", c_int64),
+        ("n_inputs", c_int64),
+        ("inputs", c_void_p),
+        ("first", c_int64),
+        ("numbers", c_void_p),
+        ("internal_steps", c_int64),
+        ("workspace", c_int64),
+        ("impedance", c_int64),
+        ("viscous", c_int64),
+        ("coulomb", c_int64),
+        ("linear", c_int64),
+        ("series", c_void_p),
+        ("n_series", c_int64),
+        ("series_step", c_void_p),
+        ("history", c_void_p),
+        ("stamps", c_void_p),
+        ("capacity", c_int64),
+    ]
 
 
-class _Job(ctypes.Structure):
+class _NativeBatch(ctypes.Structure):
     _fields_ = [
-        ("components", c_void_p), ("n_components", c_int64), ("phases", c_void_p), ("n_phases", c_int64),
-        ("store", c_void_p), ("n_places", c_int64), ("table", c_void_p), ("rows", c_int64), ("n_columns", c_int64),
-        ("every", c_int64), ("steps", c_int64), ("step_ns", c_double), ("bound", c_double), ("ended", c_void_p),
-        ("outcome", c_void_p), ("work", c_void_p),
-    ]  # fmt: skip
+        ("components", c_void_p),
+        ("n_components", c_int64),
+        ("phases", c_void_p),
+        ("n_phases", c_int64),
+        ("store", c_void_p),
+        ("n_places", c_int64),
+        ("table", c_void_p),
+        ("rows", c_int64),
+        ("n_columns", c_int64),
+        ("every", c_int64),
+        ("steps", c_int64),
+        ("step_ns", c_double),
+        ("bound", c_double),
+        ("ended", c_void_p),
+        ("outcome", c_void_p),
+        ("work", c_void_p),
+    ]
 
 
 @cache
@@ -81,7 +120,7 @@ def _library():
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     """A compiled fmu_src/kernel with the types of its functions."""
-    library.run.argtypes = [POINTER(_Job), c_void_p]
+    library.run.argtypes = [POINTER(_NativeBatch), c_void_p]
     library.run.restype = None
     library.lanes.restype = library.lane_size.restype = c_int64
     return library
@@ -92,7 +131,7 @@ def lanes() -> int:
     return int(_library().lanes())
 
 
-# --- does it apply? --------------------------------------------------------------------------------------------------------
+# --- does it apply? ---------------------------------------------------------------------------------------------------
 
 
 def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
@@ -103,8 +142,10 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     from build_fmus.library import vectors
 
     if (size := 8 * vectors()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
-        return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
-    parts = _Part.all(wiring)
+        return (
+            f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
+        )
+    parts = _LaneComponent.all(wiring)
     places = _Places.of(wiring, parts)
     for part in parts:
         if (reason := _unfit(part, wiring)) is not None:
@@ -117,7 +158,7 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     return f"{missing[0]} is to be recorded, which the kernel does not compute" if missing else None
 
 
-def _unfit(part: _Part, wiring: Wiring) -> str | None:
+def _unfit(part: _LaneComponent, wiring: Wiring) -> str | None:
     if wiring.scenario.components[part.name].step_multiple != 1:
         return "it has a step multiple"
     if part.kind == _SERIES and part.inputs:
@@ -132,19 +173,19 @@ def _unfit(part: _Part, wiring: Wiring) -> str | None:
     return _PARAMETERS[part.kind](part)
 
 
-def _arm_parameters(part: _Part) -> str | None:
+def _arm_parameters(part: _LaneComponent) -> str | None:
     return _changed(part, {n: v for n, v in part.starts.items() if stem(n) not in _ARM_PARAMETERS})
 
 
-def _longest_delay(part: _Part) -> float:
+def _longest_delay(part: _LaneComponent) -> float:
     return part.number("delay_mean" if _law(part) == "constant" else "delay_max")
 
 
-def _law(part: _Part) -> str:
+def _law(part: _LaneComponent) -> str:
     return part.description.variables["law"].items[int(part.number("law")) - 1]
 
 
-def _channel_parameters(part: _Part) -> str | None:
+def _channel_parameters(part: _LaneComponent) -> str | None:
     if _law(part) == "recorded":
         return "its delay is recorded"
     other = {name: part.number(name) for name in _CHANNEL_NEUTRAL if name in part.description.variables}
@@ -152,7 +193,7 @@ def _channel_parameters(part: _Part) -> str | None:
     return f"its {wrong[0]} is not that of a plain time delay" if wrong else None
 
 
-def _changed(part: _Part, values) -> str | None:
+def _changed(part: _LaneComponent, values) -> str | None:
     variables = part.description.variables
     for name, value in values.items():
         if value != variables[name].start:
@@ -163,11 +204,11 @@ def _changed(part: _Part, values) -> str | None:
 _PARAMETERS = {_ARM: _arm_parameters, _CONTROLLER: lambda part: None, _CHANNEL: _channel_parameters}
 
 
-# --- a scenario as the kernel sees it ------------------------------------------------------------------------------------------
+# --- a scenario as the kernel sees it ---------------------------------------------------------------------------------
 
 
 @frozen
-class _Part:
+class _LaneComponent:
     """A component: what it is, which of its inputs are wired, start values."""
 
     name: str
@@ -179,14 +220,21 @@ class _Part:
     description: object
 
     @classmethod
-    def of(cls, wiring: Wiring, name: str) -> _Part:
+    def of(cls, wiring: Wiring, name: str) -> _LaneComponent:
         model = wiring.scenario.components[name].model or ""
         inputs = tuple(wiring.inputs(name))
-        return cls(name, model or "a foreign FMU", _KINDS.get(model, _SERIES), inputs, tuple(wiring.outputs(name)),
-                   dict(wiring.starts[name]), wiring.descriptions[name])  # fmt: skip
+        return cls(
+            name,
+            model or "a foreign FMU",
+            _KINDS.get(model, _SERIES),
+            inputs,
+            tuple(wiring.outputs(name)),
+            dict(wiring.starts[name]),
+            wiring.descriptions[name],
+        )
 
     @classmethod
-    def all(cls, wiring: Wiring) -> tuple[_Part, ...]:
+    def all(cls, wiring: Wiring) -> tuple[_LaneComponent, ...]:
         """The components of a scenario, in its order."""
         return tuple(cls.of(wiring, name) for name in wiring.scenario.components)
 
@@ -212,8 +260,10 @@ class _Part:
 
 @frozen
 class _Places:
-    """Where the kernel's outputs lie in half its store: `first` of each component, `number` by signal name, `at` by place in
-    the schedule's store (-1: not computed); how many there are."""
+    """Where the kernel's outputs lie in half its store: `first` of each component, `number` by signal name, `at` by
+    place in
+    the schedule's store (-1: not computed); how many there are.
+    """
 
     first: tuple[int, ...]
     number: dict
@@ -221,13 +271,15 @@ class _Places:
     count: int
 
     @classmethod
-    def of(cls, wiring: Wiring, parts: Sequence[_Part]) -> _Places:
+    def of(cls, wiring: Wiring, parts: Sequence[_LaneComponent]) -> _Places:
         *first, count = itertools.accumulate((_COUNTS.get(part.kind, len(part.outputs)) for part in parts), initial=0)
         number = {f"{part.name}.{output}": at + i for at, part in zip(first, parts) for output, i in part.computed()}
-        return cls(tuple(first), number, np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64), count)
+        return cls(
+            tuple(first), number, np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64), count
+        )
 
 
-# --- running -------------------------------------------------------------------------------------------------------------
+# --- running ----------------------------------------------------------------------------------------------------------
 
 
 def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1) -> list[Result]:
@@ -236,8 +288,8 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     wirings: of scenarios with the same components, connections and experiment, each of which `refusal` accepts; record:
     signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
     """
-    alike, feed = _Part.all(wirings[0]), _FEED
-    settings = [_Setting.of(wiring, alike, feed) for wiring in wirings]
+    alike, feed = _LaneComponent.all(wirings[0]), _FEED
+    settings = [_LaneSetting.of(wiring, alike, feed) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
     found = _each(lambda settings: _run_lanes(settings, record), tasks, workers)
@@ -249,14 +301,16 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
 
 
 def _each(action: Callable, tasks: Sequence, workers: int) -> list:
-    """Results in the order of the tasks; without threads where one would do, for its memory and its cache start cold."""
+    """Results in the order of the tasks; without threads where one would do, for its memory and its cache start
+    cold.
+    """
     if min(workers, len(tasks)) < 2:
         return [action(task) for task in tasks]
     with ThreadPoolExecutor(max_workers=workers) as pool:
         return list(pool.map(action, tasks))
 
 
-def _batches(settings: Sequence[_Setting]) -> list[list[int]]:
+def _batches(settings: Sequence[_LaneSetting]) -> list[list[int]]:
     """Indices of settings that share what all lanes must share, as many as there are lanes."""
     alike = defaultdict(list)
     for i, setting in enumerate(settings):
@@ -269,13 +323,15 @@ _FEED_SIZE = 64
 
 
 class _Feed:
-    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once; the last
-    of them are remembered."""
+    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once; the
+    last
+    of them are remembered.
+    """
 
     def __init__(self) -> None:
         self.known: OrderedDict = OrderedDict()
 
-    def values(self, wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
+    def values(self, wiring: Wiring, part: _LaneComponent, outputs: Sequence[str]) -> np.ndarray:
         """(steps + 1, outputs) values of a component's outputs at every communication point, alone in its own run."""
         experiment = wiring.scenario.experiment
         length = (experiment.steps, experiment.step_ns)
@@ -291,12 +347,14 @@ class _Feed:
 _FEED = _Feed()
 
 
-def _alone(wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
+def _alone(wiring: Wiring, part: _LaneComponent, outputs: Sequence[str]) -> np.ndarray:
     component = wiring.scenario.components[part.name]
     alone = evolve(
-        wiring.scenario, components={part.name: evolve(component, parameters=dict(part.starts), parameter_set=None)},
-        connections=(), experiment=evolve(wiring.scenario.experiment, record_every=1, order=(), bound=_NO_BOUND),
-    )  # fmt: skip
+        wiring.scenario,
+        components={part.name: evolve(component, parameters=dict(part.starts), parameter_set=None)},
+        connections=(),
+        experiment=evolve(wiring.scenario.experiment, record_every=1, order=(), bound=_NO_BOUND),
+    )
     result = run(alone, record=[f"{part.name}.{name}" for name in outputs])
     if result.failure is not None:
         raise result.failure
@@ -306,16 +364,16 @@ def _alone(wiring: Wiring, part: _Part, outputs: Sequence[str]) -> np.ndarray:
 
 
 @frozen
-class _Setting:
+class _LaneSetting:
     """A lane: a wiring, its parts, and for each part its numbers or its series."""
 
     wiring: Wiring
-    parts: tuple[_Part, ...]
+    parts: tuple[_LaneComponent, ...]
     numbers: tuple[np.ndarray, ...] = field(eq=False)
     series: tuple[np.ndarray | None, ...] = field(eq=False)
 
     @classmethod
-    def of(cls, wiring: Wiring, alike: Sequence[_Part], feed: _Feed) -> _Setting:
+    def of(cls, wiring: Wiring, alike: Sequence[_LaneComponent], feed: _Feed) -> _LaneSetting:
         """The lane of a wiring whose components are `alike` but for their start values."""
         parts = tuple(evolve(part, starts=wiring.starts[part.name]) for part in alike)
         return cls(wiring, parts, tuple(_numbers(p) for p in parts), tuple(_series(wiring, p, feed) for p in parts))
@@ -326,7 +384,7 @@ class _Setting:
         return tuple(p.number(name) for p in self.parts for name in _SHARED if name in p.description.variables)
 
 
-def _numbers(part: _Part) -> np.ndarray:
+def _numbers(part: _LaneComponent) -> np.ndarray:
     """Per-lane numbers of kernel.c's Component, in its order."""
     numbers = np.zeros(_NUMBERS[part.kind])
     if part.kind == _ARM:
@@ -340,7 +398,7 @@ def _numbers(part: _Part) -> np.ndarray:
     return numbers
 
 
-def _series(wiring: Wiring, part: _Part, feed: _Feed) -> np.ndarray | None:
+def _series(wiring: Wiring, part: _LaneComponent, feed: _Feed) -> np.ndarray | None:
     if part.kind == _SERIES:
         return feed.values(wiring, part, part.outputs)
     if part.kind != _CHANNEL:
@@ -351,7 +409,7 @@ def _series(wiring: Wiring, part: _Part, feed: _Feed) -> np.ndarray | None:
     return feed.values(wiring, unwired, ("delay_now",))
 
 
-def _run_lanes(settings: Sequence[_Setting], record: Sequence[str]) -> list[Result]:
+def _run_lanes(settings: Sequence[_LaneSetting], record: Sequence[str]) -> list[Result]:
     began = time.perf_counter()
     call = _Call(settings, record)
     _library().run(ctypes.byref(call.job), call.sources)
@@ -365,7 +423,7 @@ class _Call:
     Lanes that are left over repeat the last setting; their results are not looked at.
     """
 
-    def __init__(self, settings: Sequence[_Setting], record: Sequence[str]) -> None:
+    def __init__(self, settings: Sequence[_LaneSetting], record: Sequence[str]) -> None:
         self.settings, self.width = settings, lanes()
         self.filled = list(settings) + [settings[-1]] * (self.width - len(settings))
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
@@ -381,22 +439,35 @@ class _Call:
         sources = [[place[f"{part.name}.{v}"] for v in part.inputs] for part in self.parts]
         self.sources = self.arena.pointers([self.arena.indices(places) for places in sources])
 
-    def _job(self) -> _Job:
+    def _job(self) -> _NativeBatch:
         schedule = self.wiring.schedule
-        components = (_Component * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
+        components = (_NativeComponent * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
         phases = [self._phase(odd) for odd in (0, 1)]
         work = self.arena.aligned(np.zeros(len(self.parts) * int(_library().lane_size()) // 8))
-        return _Job(
-            self.arena.structures(components), len(self.parts),
-            self.arena.phases(phases, self.timetable.columns, schedule.step_ns), len(phases),
-            self.arena.aligned(np.zeros(2 * self.places.count * self.width)), self.places.count,
-            self.arena.array(self.table), self.rows, len(self.timetable.names), self.experiment.record_every, self.experiment.steps,
-            schedule.step_ns, self.experiment.bound, self.arena.array(self.ended), self.arena.array(self.outcome), work,
-        )  # fmt: skip
+        return _NativeBatch(
+            self.arena.structures(components),
+            len(self.parts),
+            self.arena.phases(phases, self.timetable.columns, schedule.step_ns),
+            len(phases),
+            self.arena.aligned(np.zeros(2 * self.places.count * self.width)),
+            self.places.count,
+            self.arena.array(self.table),
+            self.rows,
+            len(self.timetable.names),
+            self.experiment.record_every,
+            self.experiment.steps,
+            schedule.step_ns,
+            self.experiment.bound,
+            self.arena.array(self.ended),
+            self.arena.array(self.outcome),
+            work,
+        )
 
     def _phase(self, odd: int) -> Phase:
-        """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the half of
-        the store where the values before the newest were, so it needs no operation to get them."""
+        """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the
+        half of
+        the store where the values before the newest were, so it needs no operation to get them.
+        """
         schedule, n = self.wiring.schedule, self.wiring.schedule.outputs
         half = np.full(n, odd)  # in which the newest value of an output lies
         operations: list[Operation] = []
@@ -414,15 +485,21 @@ class _Call:
                 operations.append(o)
         return Phase(tuple(operations), Record(lie(schedule.phases[0].record.source)))
 
-    def _component(self, i: int) -> _Component:
+    def _component(self, i: int) -> _NativeComponent:
         part, inputs = self.parts[i], self.parts[i].wired()
         numbers = np.column_stack([setting.numbers[i] for setting in self.filled])
-        native = _Component(
-            kind=part.kind, n_inputs=len(inputs), inputs=self.arena.indices(inputs), first=self.places.first[i],
+        native = _NativeComponent(
+            kind=part.kind,
+            n_inputs=len(inputs),
+            inputs=self.arena.indices(inputs),
+            first=self.places.first[i],
             numbers=self.arena.aligned(numbers),
-        )  # fmt: skip
+        )
         if part.kind == _ARM:
-            native.internal_steps, native.workspace = int(part.number("internal_steps")), int(part.number("workspace_limits"))
+            native.internal_steps, native.workspace = (
+                int(part.number("internal_steps")),
+                int(part.number("workspace_limits")),
+            )
             native.viscous, native.coulomb = int(np.any(numbers[10:13])), int(np.any(numbers[13:16]))
             native.impedance = int(np.any(numbers[19:25]))
         if part.kind in (_CHANNEL, _SERIES):
@@ -431,13 +508,13 @@ class _Call:
             self._give_history(native, i)
         return native
 
-    def _give_series(self, native: _Component, i: int) -> None:
+    def _give_series(self, native: _NativeComponent, i: int) -> None:
         series = [setting.series[i] for setting in self.filled]
         native.series = self.arena.pointers([self.arena.array(values) for values in series])
         native.n_series = series[0].shape[1]
         native.series_step = self.arena.indices([int(len(values) > 1) for values in series])
 
-    def _give_history(self, native: _Component, i: int) -> None:
+    def _give_history(self, native: _NativeComponent, i: int) -> None:
         longest = max(float(setting.series[i].max()) for setting in self.filled)
         steps = int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns))
         native.capacity = 1 << (steps + 4).bit_length()
@@ -450,6 +527,13 @@ class _Call:
         ended, steps = int(self.ended[lane]), self.experiment.steps
         outcome = (None, Outcome.DIVERGED, Outcome.DOMAIN_EXIT)[self.outcome[lane]]
         at = seconds(ended, self.wiring.schedule.step_ns)
-        message = {Outcome.DIVERGED: f"a value passed {self.experiment.bound:g} at t = {at:.9g} s",
-                   Outcome.DOMAIN_EXIT: f"an arm left the domain of its model at t = {at:.9g} s"}.get(outcome, "")  # fmt: skip
-        return self.timetable.result(self.settings[lane].wiring, Rows.of(self.table[lane]), Ending(min(ended, steps), outcome, message), wall)
+        message = {
+            Outcome.DIVERGED: f"a value passed {self.experiment.bound:g} at t = {at:.9g} s",
+            Outcome.DOMAIN_EXIT: f"an arm left the domain of its model at t = {at:.9g} s",
+        }.get(outcome, "")
+        return self.timetable.result(
+            self.settings[lane].wiring,
+            SignalTable.of(self.table[lane]),
+            Ending(min(ended, steps), outcome, message),
+            wall,
+        )

@@ -68,7 +68,8 @@ def _likelihood(places: np.ndarray, values: np.ndarray, lengths: tuple[float, fl
 
 
 def learn(budget: Budget) -> Generator[Places, list[float], Boundary]:
-    """The level set of zero with at most `budget.count` places; ends earlier where no sign on a 65 x 65 grid is doubtful.
+    """The level set of zero with at most `budget.count` places; ends earlier where no sign on a 65 x 65 grid is
+    doubtful.
 
     Places whose rate is unknown (NaN) are left out of the fit.
     """

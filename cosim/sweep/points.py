@@ -8,7 +8,7 @@ from hashlib import sha256
 import numpy as np
 from attrs import field, frozen
 
-from cosim.outcome import Outcome
+from cosim.engine.outcome import Outcome
 from cosim.sweep.spec import SCENARIO, Axis, Choice, Sweep
 
 _GROWS = (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)
@@ -37,8 +37,10 @@ def point(axes: Sequence[Axis], entries: Sequence[object]) -> Point:
 
 
 @frozen
-class Finding:
-    """What an evaluator found at a point. `numbers` holds further results by name; every field is plain and repeatable."""
+class PointResult:
+    """What an evaluator found at a point. `numbers` holds further results by name; every field is plain and
+    repeatable.
+    """
 
     outcome: str
     growth_rate: float = np.nan
@@ -50,7 +52,9 @@ class Finding:
 
     @property
     def rate(self) -> float:
-        """Growth rate for tracing [1/s]: where there is none, +1 or -1 by the outcome; NaN where that does not say either."""
+        """Growth rate for tracing [1/s]: where there is none, +1 or -1 by the outcome; NaN where that does not say
+        either.
+        """
         if np.isfinite(self.growth_rate):
             return float(self.growth_rate)
         if self.outcome in [o.value for o in _GROWS]:
@@ -58,9 +62,9 @@ class Finding:
         return -1.0 if self.outcome == Outcome.CONVERGED.value else np.nan
 
 
-def failed(message: str) -> Finding:
+def failed(message: str) -> PointResult:
     """The finding of a point whose run failed twice."""
-    return Finding(Outcome.FAILED.value, message=message)
+    return PointResult(Outcome.FAILED.value, message=message)
 
 
 def replay(sweep: Sweep, where: Point) -> str:

@@ -1,4 +1,5 @@
-"""Who evaluates points: this process, local worker processes, or a Dask cluster (`cluster`). All give findings as they come.
+"""Who evaluates points: this process, local worker processes, or a Dask cluster (`cluster`). All give findings as they
+come.
 
 An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded
 between calls in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again,
@@ -15,14 +16,16 @@ from multiprocessing.connection import Connection, wait
 
 from attrs import field, frozen
 
-from cosim.sweep.points import Finding, Point, failed
+from cosim.sweep.points import Point, PointResult, failed
 
-Answer = tuple[tuple[Point, ...], tuple[Finding, ...]]
+Answer = tuple[tuple[Point, ...], tuple[PointResult, ...]]
 
 
 @frozen
 class Task:
-    """What an evaluator needs besides the points: scenario, fixed values, effects file, folder that file names start from."""
+    """What an evaluator needs besides the points: scenario, fixed values, effects file, folder that file names start
+    from.
+    """
 
     evaluator: str
     scenario: str
@@ -30,17 +33,17 @@ class Task:
     effects: str | None = None
 
 
-def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[Finding]]:
+def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[PointResult]]:
     """The evaluator "module:function"."""
     module, _, attribute = name.partition(":")
     return getattr(import_module(module), attribute)
 
 
-def attempt(task: Task, points: Sequence[Point]) -> tuple[tuple[Finding, ...] | None, str]:
+def attempt(task: Task, points: Sequence[Point]) -> tuple[tuple[PointResult, ...] | None, str]:
     """Findings of an evaluator, or None with the words of what it raised."""
     try:
         return tuple(function(task.evaluator)(task, points)), ""
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - whatever an evaluator raises is a point that failed
         return None, f"{type(error).__name__}: {error}"
 
 
@@ -74,7 +77,7 @@ class Workers(ABC):
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         """Findings of all points in chunks of `size`, in the order in which they become known."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - this process has none
         """End the workers."""
 
     def __enter__(self) -> "Workers":
@@ -103,39 +106,43 @@ class Here(Workers):
 class LocalPool(Workers):
     """`count` worker processes; one that dies is replaced.
 
-    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by then
-    this process may have threads, which do not survive a fork. Numpy's BLAS threads would fight for the workers' cores: set
+    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by
+    then
+    this process may have threads, which do not survive a fork. Numpy's BLAS threads would fight for the workers' cores:
+    set
     OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim` does.
     """
 
     def __init__(self, count: int) -> None:
         first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.count = max(1, count)
-        self.staff = [_Worker(first) for _ in range(self.count)]
+        self.workers = [_Worker(first) for _ in range(self.count)]
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         share = -(-len(points) // self.count)
         todo = deque(chunked(points, min(size, max(1, share))))
-        while todo or any(worker.chunk for worker in self.staff):
-            for worker in self.staff:
+        while todo or any(worker.chunk for worker in self.workers):
+            for worker in self.workers:
                 if worker.chunk is None and todo:
                     worker.give(task, todo.popleft())
-            for worker in _heard(self.staff):
+            for worker in _heard(self.workers):
                 chunk, findings, message = worker.take()
-                again, settled = ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
+                again, settled = (
+                    ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
+                )
                 todo.extend(again)
                 if todo:  # before the answer is looked at: the worker need not wait for that
                     worker.give(task, todo.popleft())
                 yield from settled
 
     def close(self) -> None:
-        for worker in self.staff:
+        for worker in self.workers:
             worker.stop()
 
 
-def _heard(staff: Sequence["_Worker"]) -> list["_Worker"]:
+def _heard(workers: Sequence["_Worker"]) -> list["_Worker"]:
     """Busy workers that have answered or died."""
-    busy = {handle: worker for worker in staff if worker.chunk for handle in (worker.pipe, worker.process.sentinel)}
+    busy = {handle: worker for worker in workers if worker.chunk for handle in (worker.pipe, worker.process.sentinel)}
     return list(dict.fromkeys(busy[handle] for handle in wait(list(busy))))
 
 
@@ -161,7 +168,7 @@ class _Worker:
             self._restart()
             self.pipe.send((task, chunk.points))
 
-    def take(self) -> tuple[Chunk, tuple[Finding, ...] | None, str]:
+    def take(self) -> tuple[Chunk, tuple[PointResult, ...] | None, str]:
         """Its chunk with the findings, or with a message where it raised or died."""
         chunk, self.chunk = self.chunk, None
         try:
@@ -192,8 +199,10 @@ def _cause(code: int | None) -> str:
 
 
 def _serve(pipe: Connection) -> None:
-    """Loop of a worker process: Ctrl-C is the parent's business, and it ends with its parent (whose end of the pipe other
-    forked workers hold too)."""
+    """Loop of a worker process: Ctrl-C is the parent's business, and it ends with its parent (whose end of the pipe
+    other
+    forked workers hold too).
+    """
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

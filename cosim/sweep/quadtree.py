@@ -4,6 +4,7 @@ Corners live on an integer lattice of `cells * 2**DEPTH` steps a side; grid line
 problem can be aligned with them. Values that are NaN (nothing known) take no part.
 """
 
+import itertools
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -128,7 +129,7 @@ class Tree:
     def sign_changes(self, edge: tuple[Node, Node]) -> list[tuple[Node, Node]]:
         """Parts of an edge between neighbouring known nodes where the sign changes."""
         nodes = self.along(edge)
-        return [pair for pair in zip(nodes[:-1], nodes[1:]) if opposite(self.values[pair[0]], self.values[pair[1]])]
+        return [pair for pair in itertools.pairwise(nodes) if opposite(self.values[pair[0]], self.values[pair[1]])]
 
     def crowded(self) -> list[Cell]:
         """Leaves that a single boundary segment cannot describe: an edge crossed twice, or four edges crossed."""
@@ -140,7 +141,8 @@ class Tree:
         return found
 
     def suspicious(self) -> list[Cell]:
-        """First-size leaves of one sign that may hide two sign changes: a cubic through an edge's values and slopes leaves the sign.
+        """First-size leaves of one sign that may hide two sign changes: a cubic through an edge's values and slopes
+        leaves the sign.
 
         Slopes at the ends are central differences over the first cells; the dip of the cubic is taken 1.5 times.
         """
@@ -177,7 +179,9 @@ def opposite(a: float, b: float) -> bool:
 
 
 def gradient(lattice: Lattice, values: Mapping[Node, float], leaf: Cell) -> np.ndarray:
-    """Gradient (2,) of the plane fitted to the corner values of a leaf, in unit coordinates; NaN where a corner is unknown."""
+    """Gradient (2,) of the plane fitted to the corner values of a leaf, in unit coordinates; NaN where a corner is
+    unknown.
+    """
     points = np.array([lattice.position(corner) for corner in leaf.corners])
     z = np.array([values.get(corner, np.nan) for corner in leaf.corners])
     if not np.all(np.isfinite(z)):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from attrs import frozen
 
-from cosim.outcome import Outcome
+from cosim.engine.outcome import Outcome
 from cosim.sweep.campaign import Campaign
 
 _DECIDED = (Outcome.CONVERGED, Outcome.GROWING, Outcome.LIMIT_CYCLE, Outcome.DIVERGED)
@@ -12,7 +12,9 @@ _DECIDED = (Outcome.CONVERGED, Outcome.GROWING, Outcome.LIMIT_CYCLE, Outcome.DIV
 
 @frozen
 class Share:
-    """`stable` of `decided` points with a label were stable; `low`, `high` bound the true share; `undecided` were left out."""
+    """`stable` of `decided` points with a label were stable; `low`, `high` bound the true share; `undecided` were left
+    out.
+    """
 
     label: str
     stable: int

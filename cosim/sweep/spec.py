@@ -1,4 +1,5 @@
-"""A sweep: a scenario, axes over its parameters, how to choose points. Read from TOML, everything wrong reported at once.
+"""A sweep: a scenario, axes over its parameters, how to choose points. Read from TOML, everything wrong reported at
+once.
 
 format = 1
 title = "..."            description = "..."
@@ -41,7 +42,9 @@ class Scale(Enum):
 
 @frozen
 class Choice:
-    """One entry of an axis of choices: a label, the values it sets, and the scenario where it is another than the sweep's."""
+    """One entry of an axis of choices: a label, the values it sets, and the scenario where it is another than the
+    sweep's.
+    """
 
     label: str
     set: Mapping[str, object] = field(factory=dict)
@@ -104,7 +107,7 @@ class Axis:
     def settings(self, entry: object) -> dict[str, object]:
         """Values at paths for an entry."""
         if not isinstance(entry, Choice):
-            return {path: entry for path in self.paths}
+            return dict.fromkeys(self.paths, entry)
         return dict(entry.set) | ({SCENARIO: entry.scenario} if entry.scenario else {})
 
 
@@ -123,7 +126,9 @@ class Random:
 
 @frozen
 class MonteCarlo:
-    """As Random, and the share of stable points with its interval of confidence `level`, in all and for every choice."""
+    """As Random, and the share of stable points with its interval of confidence `level`, in all and for every
+    choice.
+    """
 
     count: int
     seed: int = 0
@@ -132,7 +137,9 @@ class MonteCarlo:
 
 @frozen
 class BoundaryDesign:
-    """Trace the boundary over one or two numeric axes, for every combination of the others; then audit (two axes only)."""
+    """Trace the boundary over one or two numeric axes, for every combination of the others; then audit (two axes
+    only).
+    """
 
     trace: tuple[str, ...]
     tolerance: float = 0.002
@@ -180,7 +187,7 @@ class Sweep:
     set: Mapping[str, object] = field(factory=dict)
     curves: tuple[str, ...] = ()
     effects: str | None = None
-    folder: Path = field(default=Path("."), eq=False)
+    folder: Path = field(default=Path(), eq=False)
 
     def axis(self, name: str) -> Axis:
         """The axis of that name."""
@@ -213,7 +220,7 @@ def _find(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path.resolve()
-    known = {entry.stem: entry for entry in shipped("sweeps")}
+    known = {entry.stem: entry for entry in shipped("sweep")}
     if name_or_path in known:
         return known[name_or_path]
     advice = did_you_mean(name_or_path, known) or "`cosim list` names them"
@@ -224,8 +231,11 @@ def parse_sweep(table: Mapping[str, object], path: Path) -> Sweep:
     """The sweep of a TOML table. Raises InputError with every problem found."""
     problems: list[Problem] = []
     known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder")] + [*_DESIGNS, "format"]
-    problems += [Problem(f"{path.name}: {key}", "a known key", "an unknown one", did_you_mean(key, known))
-                 for key in table if key not in known]  # fmt: skip
+    problems += [
+        Problem(f"{path.name}: {key}", "a known key", "an unknown one", did_you_mean(key, known))
+        for key in table
+        if key not in known
+    ]
     if table.get("format", FORMAT) != FORMAT:
         problems.append(Problem(f"{path.name}: format", str(FORMAT), repr(table["format"])))
     given = [name for name in _DESIGNS if name in table]
@@ -256,9 +266,8 @@ def parse_sweep(table: Mapping[str, object], path: Path) -> Sweep:
 
 
 def _structured(kind: type, table: object, where: str, problems: list[Problem]):
-    from cattrs import Converter
+    from cattrs import Converter, transform_error
     from cattrs.errors import BaseValidationError
-    from cattrs import transform_error
 
     names = [entry.name for entry in fields(kind)]
     if not isinstance(table, dict):
@@ -300,9 +309,16 @@ def _design_problems(design: Design, axes: list[Axis], where: str) -> list[Probl
     numeric = [axis.name for axis in axes if axis.numeric and not axis.values]
     if not hasattr(design, "trace"):
         count = getattr(design, "count", prod(axis.entries for axis in axes))
-        return [Problem(f"{where}: points", f"at most {_MOST_POINTS}", str(count), "lower a count")] if count > _MOST_POINTS else []
-    problems = [Problem(f"{where}: trace", "numeric axes with low and high", repr(name), did_you_mean(name, numeric))
-                for name in design.trace if name not in numeric]  # fmt: skip
+        return (
+            [Problem(f"{where}: points", f"at most {_MOST_POINTS}", str(count), "lower a count")]
+            if count > _MOST_POINTS
+            else []
+        )
+    problems = [
+        Problem(f"{where}: trace", "numeric axes with low and high", repr(name), did_you_mean(name, numeric))
+        for name in design.trace
+        if name not in numeric
+    ]
     wanted = (1, 2) if isinstance(design, BoundaryDesign) else (2,)
     if len(design.trace) not in wanted or len(set(design.trace)) != len(design.trace):
         problems.append(

@@ -4,8 +4,8 @@ from collections import Counter
 
 import numpy as np
 
-from cosim.results import command_line, versions
-from cosim.summary import number
+from cosim.results.provenance import command_line, versions
+from cosim.results.summary import number
 from cosim.sweep.campaign import Campaign, Curve, settings
 from cosim.sweep.points import replay
 from cosim.sweep.shares import shares
@@ -13,14 +13,18 @@ from cosim.sweep.spec import MonteCarlo
 
 
 def columns(campaign: Campaign) -> dict[str, list]:
-    """One row a point, in the order in which points were first asked for: axes, outcome, growth rate, evidence, replay, ..."""
+    """One row a point, in the order in which points were first asked for: axes, outcome, growth rate, evidence, replay,
+    ...
+    """
     points, findings = campaign.points, campaign.findings
     table: dict[str, list] = {axis.name: [p.entries[k] for p in points] for k, axis in enumerate(campaign.sweep.axes)}
     table |= {
-        "outcome": [f.outcome for f in findings], "growth_rate": [f.growth_rate for f in findings],
-        "growth_rate_low": [f.low for f in findings], "growth_rate_high": [f.high for f in findings],
+        "outcome": [f.outcome for f in findings],
+        "growth_rate": [f.growth_rate for f in findings],
+        "growth_rate_low": [f.low for f in findings],
+        "growth_rate_high": [f.high for f in findings],
         "evidence": [f.evidence for f in findings],
-    }  # fmt: skip
+    }
     for name in dict.fromkeys(name for f in findings for name in f.numbers):
         table[name] = [f.numbers.get(name, np.nan) for f in findings]
     return table | {
@@ -80,21 +84,41 @@ def axes_of(campaign: Campaign) -> tuple:
 
 
 def joined(curve: Curve) -> list[list[tuple]]:
-    """Lines of a curve with vertices (x, y); a boundary along one axis gives single vertices with the entry of the last other axis."""
+    """Lines of a curve with vertices (x, y); a boundary along one axis gives single vertices with the entry of the last
+    other axis.
+    """
     if curve.lines and len(curve.lines[0][0]) == 1:
         return [[(*[entry for _, entry in curve.others[-1:]], vertex[0]) for vertex in line] for line in curve.lines]
     return [list(line) for line in curve.lines]
 
 
 def _audit(campaign: Campaign) -> list[dict[str, object]]:
-    return [{"curve": c.label, "points": c.audit.points, "wrong": c.audit.wrong, "rounds": c.audit.rounds,
-             "missed_area_bound": c.audit.bound, "level": c.audit.level, "surprises": len(c.audit.surprises)}
-            for c in campaign.curves if c.audit is not None]  # fmt: skip
+    return [
+        {
+            "curve": c.label,
+            "points": c.audit.points,
+            "wrong": c.audit.wrong,
+            "rounds": c.audit.rounds,
+            "missed_area_bound": c.audit.bound,
+            "level": c.audit.level,
+            "surprises": len(c.audit.surprises),
+        }
+        for c in campaign.curves
+        if c.audit is not None
+    ]
 
 
 def _shares(campaign: Campaign) -> list[dict[str, object]]:
     if not isinstance(campaign.sweep.design, MonteCarlo):
         return []
-    return [{"label": s.label, "stable": s.stable, "decided": s.decided, "undecided": s.undecided,
-             "share": None if s.value is None else number(s.value), "interval": [s.low, s.high]}
-            for s in shares(campaign, campaign.sweep.design.level)]  # fmt: skip
+    return [
+        {
+            "label": s.label,
+            "stable": s.stable,
+            "decided": s.decided,
+            "undecided": s.undecided,
+            "share": None if s.value is None else number(s.value),
+            "interval": [s.low, s.high],
+        }
+        for s in shares(campaign, campaign.sweep.design.level)
+    ]

@@ -4,12 +4,12 @@ from cosim.wiring.ages import direction_table
 from cosim.wiring.checking import check, restarted, wire
 from cosim.wiring.loops import stepping_order
 from cosim.wiring.starts import vector_starts
-from cosim.wiring.wiring import Hop, Link, Path, Wiring
+from cosim.wiring.wiring import DelayPath, Hop, Link, Wiring
 
 __all__ = [
+    "DelayPath",
     "Hop",
     "Link",
-    "Path",
     "Wiring",
     "check",
     "direction_table",

@@ -1,14 +1,15 @@
 """The schedule of a wiring, and how much older the stepping makes each signal."""
 
+import itertools
 from collections.abc import Mapping
 from fractions import Fraction
 
 from attrs import evolve
 
 from cosim.scenario import Connection
-from cosim.schedule import Port, Unit, build_schedule, chain_age, mean_age
 from cosim.signals import Signal
-from cosim.wiring.wiring import Hop, Path, Wiring
+from cosim.wiring.schedule import Port, ScheduledComponent, build_schedule, chain_age, mean_age
+from cosim.wiring.wiring import DelayPath, Hop, Wiring
 
 
 def timed(wiring: Wiring) -> Wiring:
@@ -27,23 +28,25 @@ def timed(wiring: Wiring) -> Wiring:
     return evolve(timed, **{key: _paths(timed, *way, by_name) for key, way in ways.items()})
 
 
-def _units(wiring: Wiring) -> list[Unit]:
+def _units(wiring: Wiring) -> list[ScheduledComponent]:
     names = list(wiring.scenario.components)
     place = {signal: i for i, signal in enumerate(wiring.signals)}
     source = {link.target: link for link in wiring.links}
     units = []
     for name in names:
         links = [source[Signal(name, variable)] for variable in wiring.inputs(name)]
-        ports = tuple(Port(names.index(l.source.component), place[str(l.source)], l.linear) for l in links)
-        units.append(Unit(name, wiring.scenario.components[name].step_multiple, len(wiring.outputs(name)), ports))
+        ports = tuple(Port(names.index(link.source.component), place[str(link.source)], link.linear) for link in links)
+        units.append(
+            ScheduledComponent(name, wiring.scenario.components[name].step_multiple, len(wiring.outputs(name)), ports)
+        )
     return units
 
 
-def _hop(wiring: Wiring, connection: Connection, units: list[Unit]) -> Hop:
+def _hop(wiring: Wiring, connection: Connection, units: list[ScheduledComponent]) -> Hop:
     a, b = connection.source.component, connection.target.component
     description = wiring.descriptions[b]
     targets = set(description.elements(connection.target.variable))
-    links = [l for l in wiring.links if l.target.component == b and l.target.variable in targets]
+    links = [link for link in wiring.links if link.target.component == b and link.target.variable in targets]
     linear = all(link.linear for link in links)
     by_name = {unit.name: unit for unit in units}
     ahead = wiring.order.index(a) < wiring.order.index(b)
@@ -55,7 +58,7 @@ def _hop(wiring: Wiring, connection: Connection, units: list[Unit]) -> Hop:
     return Hop(connection, len(links), unit, linear, float(age * experiment.step_ns) / 1e9)
 
 
-def _paths(wiring: Wiring, start: str, end: str, units: Mapping[str, Unit]) -> tuple[Path, ...]:
+def _paths(wiring: Wiring, start: str, end: str, units: Mapping[str, ScheduledComponent]) -> tuple[DelayPath, ...]:
     """Simple paths between components that pass through no arm on the way, with the age of each."""
     pairs: dict[tuple[str, str], bool] = {}
     for hop in wiring.hops:
@@ -69,20 +72,23 @@ def _paths(wiring: Wiring, start: str, end: str, units: Mapping[str, Unit]) -> t
             if a != path[-1]:
                 continue
             if b == end:
-                found.append(path + (b,))
+                found.append((*path, b))
             elif b not in path and b not in arms:
-                stack.append(path + (b,))
-    return tuple(Path(p, _path_age(wiring, p, pairs, units)) for p in sorted(found, key=len))
+                stack.append((*path, b))
+    return tuple(DelayPath(p, _path_age(wiring, p, pairs, units)) for p in sorted(found, key=len))
 
 
 def _path_age(
-    wiring: Wiring, path: tuple[str, ...], linear: Mapping[tuple[str, str], bool], units: Mapping[str, Unit]
+    wiring: Wiring,
+    path: tuple[str, ...],
+    linear: Mapping[tuple[str, str], bool],
+    units: Mapping[str, ScheduledComponent],
 ) -> float:
     """Age of a path [s]: chains of held hops one by one, each ending where a hop is on a line or a component
     integrates.
     """
     experiment, age, chain = wiring.scenario.experiment, Fraction(0), [path[0]]
-    for a, b in zip(path, path[1:]):
+    for a, b in itertools.pairwise(path):
         integrates = wiring.descriptions[b].integrates
         if linear[a, b]:
             age += _chain_age(wiring, chain, units, False)
@@ -95,10 +101,10 @@ def _path_age(
     return float((age + _chain_age(wiring, chain, units, False)) * experiment.step_ns) / 1e9
 
 
-def _chain_age(wiring: Wiring, chain: list[str], units: Mapping[str, Unit], integrates: bool) -> Fraction:
+def _chain_age(wiring: Wiring, chain: list[str], units: Mapping[str, ScheduledComponent], integrates: bool) -> Fraction:
     if len(chain) < 2:
         return Fraction(0)
-    ahead = [wiring.order.index(a) < wiring.order.index(b) for a, b in zip(chain, chain[1:])]
+    ahead = [wiring.order.index(a) < wiring.order.index(b) for a, b in itertools.pairwise(chain)]
     return chain_age(wiring.scenario.experiment.algorithm, [units[name] for name in chain], ahead, integrates)
 
 

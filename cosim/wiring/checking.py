@@ -6,7 +6,7 @@ from attrs import evolve
 
 from cosim.errors import InputError, Problem
 from cosim.scenario import Scenario
-from cosim.signals import Description
+from cosim.signals import FmuDescription
 from cosim.wiring.ages import timed
 from cosim.wiring.links import driven_twice, links_of, timing_problems, too_many_instances, unwired
 from cosim.wiring.loops import assumed_loops, loop_problems, stepping_order
@@ -14,7 +14,7 @@ from cosim.wiring.starts import starts_of
 from cosim.wiring.wiring import Wiring
 
 
-def wire(scenario: Scenario, descriptions: Mapping[str, Description]) -> Wiring:
+def wire(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> Wiring:
     """Wire the scenario's components, given the description of each. Raises InputError with every problem found."""
     wiring, problems = check(scenario, descriptions)
     if problems:
@@ -57,7 +57,7 @@ def _same_structure(one: Scenario, other: Scenario) -> bool:
     )
 
 
-def check(scenario: Scenario, descriptions: Mapping[str, Description]) -> tuple[Wiring | None, list[Problem]]:
+def check(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> tuple[Wiring | None, list[Problem]]:
     """As `wire`, but returns the problems; the wiring is None where there are any."""
     problems: list[Problem] = []
     starts = {name: starts_of(scenario, name, descriptions[name], problems) for name in scenario.components}
@@ -69,7 +69,9 @@ def check(scenario: Scenario, descriptions: Mapping[str, Description]) -> tuple[
         return None, problems
     order = scenario.experiment.order or stepping_order(scenario, descriptions, links)
     warnings = (*scenario.warnings, *_apart(scenario))
-    wiring = Wiring(scenario, descriptions, tuple(order), tuple(links), starts, notes=(*warnings, *notes), warnings=warnings)
+    wiring = Wiring(
+        scenario, descriptions, tuple(order), tuple(links), starts, notes=(*warnings, *notes), warnings=warnings
+    )
     return timed(wiring), []
 
 
@@ -77,4 +79,6 @@ def _apart(scenario: Scenario) -> list[str]:
     """A warning where several components have no connection at all."""
     if scenario.connections or len(scenario.components) < 2:
         return []
-    return ["no connections: the components do not act on each other; wire them with connections = [\"a.output -> b.input\"]"]
+    return [
+        'no connections: the components do not act on each other; wire them with connections = ["a.output -> b.input"]'
+    ]

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Connection, Extrapolation, Scenario
-from cosim.signals import Description, Signal, is_real, stem
+from cosim.signals import FmuDescription, Signal, is_real, stem
 from cosim.wiring.wiring import Link
 
 
-def links_of(scenario: Scenario, descriptions: Mapping[str, Description], problems: list[Problem]) -> list[Link]:
+def links_of(scenario: Scenario, descriptions: Mapping[str, FmuDescription], problems: list[Problem]) -> list[Link]:
+    """The scalar connections of a scenario; what does not fit is added to `problems`."""
     links = []
     for connection in scenario.connections:
         sources = _ends(connection.source, "output", connection, descriptions, problems)
@@ -78,6 +79,7 @@ def _link(scenario: Scenario, connection: Connection, source: str, target: str, 
 
 
 def driven_twice(links: list[Link]) -> list[Problem]:
+    """Inputs that two outputs are wired to."""
     drivers: dict[Signal, list[Signal]] = {}
     for link in links:
         drivers.setdefault(link.target, []).append(link.source)
@@ -133,6 +135,7 @@ def too_many_instances(scenario: Scenario, descriptions) -> list[Problem]:
 
 
 def timing_problems(scenario: Scenario) -> list[Problem]:
+    """Step multiples and orders that cannot be scheduled."""
     steps = scenario.experiment.steps
     period = math.lcm(*(max(c.step_multiple, 1) for c in scenario.components.values())) if scenario.components else 1
     problems = [

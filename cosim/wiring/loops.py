@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from cosim.errors import Problem
 from cosim.scenario import Scenario
-from cosim.signals import Description, Signal
+from cosim.signals import FmuDescription, Signal
 from cosim.wiring.wiring import Link
 
 
@@ -40,7 +40,7 @@ def _cycle(edges: dict[Signal, list[Signal]]) -> list[Signal]:
                 stack.pop()
                 path.pop()
             elif after in path:
-                return path[path.index(after) :] + [after]
+                return [*path[path.index(after) :], after]
             else:
                 path.append(after)
                 stack.append((after, iter(edges.get(after, ()))))
@@ -48,6 +48,7 @@ def _cycle(edges: dict[Signal, list[Signal]]) -> list[Signal]:
 
 
 def loop_problems(links: list[Link], descriptions) -> list[Problem]:
+    """Algebraic loops: components that would need one another's value of the same instant."""
     loop = _cycle(_edges(links, descriptions, assumed=False))
     if not loop:
         return []
@@ -72,7 +73,7 @@ def assumed_loops(links: list[Link], descriptions) -> list[str]:
     return [f"possible algebraic loop {' -> '.join(map(str, loop))}: {', '.join(silent)} states no dependencies"]
 
 
-def stepping_order(scenario: Scenario, descriptions: Mapping[str, Description], links: Iterable[Link]) -> list[str]:
+def stepping_order(scenario: Scenario, descriptions: Mapping[str, FmuDescription], links: Iterable[Link]) -> list[str]:
     """Order for Gauss-Seidel: sources, then components whose wired inputs act only through states (integrating ones
     first, sampled ones behind them), then the others with every producer of an instantaneous signal ahead of its
     consumer; within a rank as declared.
@@ -91,9 +92,9 @@ def stepping_order(scenario: Scenario, descriptions: Mapping[str, Description], 
             n
             for n in waiting
             if not any(
-                l.source.component in waiting and l.source.component != n
-                for l in links
-                if l.target.component == n and l.target.variable in through[n]
+                link.source.component in waiting and link.source.component != n
+                for link in links
+                if link.target.component == n and link.target.variable in through[n]
             )
         ]
         chosen = ready[0] if ready else waiting[0]

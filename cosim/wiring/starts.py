@@ -5,13 +5,13 @@ from collections.abc import Mapping
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
-from cosim.signals import TYPES, Description, Variable, index_of, stem
+from cosim.signals import TYPES, FmuDescription, Variable, index_of, stem
 
 _SETTABLE = {"parameter", "input", "structuralParameter"}
 
 
 def starts_of(
-    scenario: Scenario, name: str, description: Description, problems: list[Problem]
+    scenario: Scenario, name: str, description: FmuDescription, problems: list[Problem]
 ) -> dict[str, float | str]:
     """Values of single FMU variables that the scenario sets: lists spread, one value for a vector repeated, items by
     name.
@@ -22,7 +22,11 @@ def starts_of(
         names = description.elements(key)
         if not names:
             known = dict.fromkeys([*description.stems("parameter"), *description.names("parameter")])
-            problems.append(Problem(f"{where}.{key}", f"a parameter of {description.model}", "an unknown one", did_you_mean(key, known)))
+            problems.append(
+                Problem(
+                    f"{where}.{key}", f"a parameter of {description.model}", "an unknown one", did_you_mean(key, known)
+                )
+            )
             continue
         given = value if isinstance(value, (list, tuple)) else [value] * len(names)
         if len(given) != len(names):
@@ -40,10 +44,14 @@ def starts_of(
 
 
 _BUFFER = 8190
-"""Steps of delay that the buffer of fmu_src/VariableDelayChannel holds, whatever its semantics (see its README: Memory)."""
+"""Steps of delay that the buffer of fmu_src/VariableDelayChannel holds, whatever its semantics (see its README:
+Memory).
+"""
 
 
-def _outgrown(scenario: Scenario, name: str, description: Description, values: Mapping[str, float | str]) -> list[Problem]:
+def _outgrown(
+    scenario: Scenario, name: str, description: FmuDescription, values: Mapping[str, float | str]
+) -> list[Problem]:
     """The problem of a channel whose delay is known beforehand and outgrows its buffer in the time of the run."""
     law, mean, most = (values.get(key, description.variables[key].start) for key in ("law", "delay_mean", "delay_max"))
     law = description.variables["law"].items[int(law) - 1]
@@ -53,7 +61,9 @@ def _outgrown(scenario: Scenario, name: str, description: Description, values: M
     if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):
         return []
     fits = f"at most {_BUFFER * step:g} s, {_BUFFER} steps of {step:g} s that the channel's buffer holds"
-    advice = f"take steps of {delay / _BUFFER:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
+    advice = (
+        f"take steps of {delay / _BUFFER:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
+    )
     return [Problem(f"{scenario.name}: {name}.{key}", fits, f"{delay:g} s", advice)]
 
 

@@ -6,8 +6,8 @@ from functools import cached_property
 from attrs import field, frozen
 
 from cosim.scenario import Connection, Scenario
-from cosim.schedule import Schedule
-from cosim.signals import Description, Signal, by_type
+from cosim.signals import FmuDescription, Signal, by_type
+from cosim.wiring.schedule import Schedule
 
 
 @frozen
@@ -31,11 +31,12 @@ class Hop:
 
 
 @frozen
-class Path:
+class DelayPath:
     """A way of a signal through components, and the mean age that it gains there [s], the channels' own delay not
     counted.
 
-    With equal step multiples the age is the sum of the ages of the hops."""
+    With equal step multiples the age is the sum of the ages of the hops.
+    """
 
     components: tuple[str, ...]
     age: float
@@ -51,15 +52,15 @@ class Wiring:
     """
 
     scenario: Scenario
-    descriptions: Mapping[str, Description]
+    descriptions: Mapping[str, FmuDescription]
     order: tuple[str, ...]
     links: tuple[Link, ...]
     starts: Mapping[str, Mapping[str, float | str]]
     hops: tuple[Hop, ...] = ()
-    lr: tuple[Path, ...] = ()
-    rl: tuple[Path, ...] = ()
-    loops_l: tuple[Path, ...] = ()
-    loops_r: tuple[Path, ...] = ()
+    lr: tuple[DelayPath, ...] = ()
+    rl: tuple[DelayPath, ...] = ()
+    loops_l: tuple[DelayPath, ...] = ()
+    loops_r: tuple[DelayPath, ...] = ()
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     schedule: Schedule = field(default=None, repr=False)
@@ -108,5 +109,5 @@ class Wiring:
         }
 
 
-def _mean(paths: tuple[Path, ...]) -> float:
+def _mean(paths: tuple[DelayPath, ...]) -> float:
     return sum(path.age for path in paths) / len(paths) if paths else 0.0

@@ -1,6 +1,8 @@
 /* What the tip meets, see README.md. A static law. */
 
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 static const char *start(Model *m) {
     if ((int)m->surface == SURFACE_WALL && !(dot(m->normal, m->normal) > 1e-12)) {

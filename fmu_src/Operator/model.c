@@ -19,7 +19,8 @@ static void derivatives(Model *m, double t) {
     double sine = sine_of(m->reference_frequency * t);
     for (int i = 0; i < 3; i++) {
         double reference = m->reference[i] + m->reference_amplitude[i] * sine;
-        double force = m->hand_stiffness[i] * (reference - m->hand_x[i]) - m->hand_damping[i] * m->hand_dx[i] - grip(m, i);
+        double force =
+            m->hand_stiffness[i] * (reference - m->hand_x[i]) - m->hand_damping[i] * m->hand_dx[i] - grip(m, i);
         m->hand_ddx[i] = m->hand_mass > 0.0 ? force / m->hand_mass : 0.0;
     }
 }

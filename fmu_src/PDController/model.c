@@ -24,14 +24,16 @@ static double difference(const Model *m, int joint) {
 static double smoothed(Model *m, int joint) {
     double dq = difference(m, joint);
     double rate = 2.0 * PI * m->velocity_cutoff * m->kept_step[0];
-    m->slow_dq[joint] = m->velocity_cutoff > 0.0 ? m->slow_dq[joint] + (1.0 - exp_real(-rate)) * (dq - m->slow_dq[joint]) : dq;
+    m->slow_dq[joint] =
+        m->velocity_cutoff > 0.0 ? m->slow_dq[joint] + (1.0 - exp_real(-rate)) * (dq - m->slow_dq[joint]) : dq;
     return m->slow_dq[joint];
 }
 
 /* tau = scale limit(kp (q_ref - q) + kd (dq_ref - dq) + tau_ff) */
 static void control(Model *m, int joint) {
     double dq = (int)m->velocity == VELOCITY_INPUT ? m->dq[joint] : smoothed(m, joint);
-    double command = m->kp[joint] * (m->q_ref[joint] - m->q[joint]) + m->kd[joint] * (m->dq_ref[joint] - dq) + m->tau_ff[joint];
+    double command =
+        m->kp[joint] * (m->q_ref[joint] - m->q[joint]) + m->kd[joint] * (m->dq_ref[joint] - dq) + m->tau_ff[joint];
     double limit = m->torque_limit[joint];
     if (limit > 0.0 && command > limit) {
         command = limit;

@@ -9,7 +9,9 @@ static double number(uint64_t bits) {
     return x;
 }
 
-static double time_of(int row) { return UNIFORM ? number(TIME_FIRST) + row * number(TIME_STEP) : number(times[UNIFORM ? 0 : row]); }
+static double time_of(int row) {
+    return UNIFORM ? number(TIME_FIRST) + row * number(TIME_STEP) : number(times[UNIFORM ? 0 : row]);
+}
 
 /* Last row whose time is not after t; a billionth of an interval is forgiven, so that sample k is met at t = k H. */
 static int row_at(double t) {

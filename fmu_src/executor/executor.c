@@ -1,6 +1,6 @@
-/* The compiled master loop: runs a schedule (cosim/schedule.py) over FMI instances that fmpy loaded and initialised.
+/* The compiled master loop: runs a schedule (cosim/wiring/schedule.py) over FMI instances that fmpy loaded and initialised.
  *
- * It does what cosim/initialisation.py and cosim/execution.py do in Python, operation by operation and in the same order of
+ * It does what cosim/engine/initialisation.py and cosim/engine/reference.py do in Python, operation by operation and in the same order of
  * arithmetic, so both give the same bits. It allocates nothing, keeps nothing between calls, and holds no lock of Python's. All arrays
  * belong to the caller. Whatever is unusual (an FMU's status, a value out of bounds, an arm out of its domain) ends the
  * call; the caller words it.
@@ -32,7 +32,7 @@ typedef int (*Enter3)(void *, _Bool, double, double, _Bool, double);
 typedef int (*SetAny2)(void *, const unsigned *, size_t, const void *);
 typedef int (*SetAny3)(void *, const uint32_t *, size_t, const void *, size_t);
 
-enum { SET_INPUTS, SET_SLOPES, GET_OUTPUTS, DO_STEP }; /* which call of a slave */
+enum { SET_INPUTS, SET_SLOPES, GET_OUTPUTS, DO_STEP }; /* which call of an instance */
 
 /* One instance. The functions of the FMI version that it does not have are NULL. */
 typedef struct {
@@ -52,7 +52,7 @@ typedef struct {
     int64_t remembered; /* whether anything reads its previous outputs */
     _Bool *event, *terminate, *early;
     double *reached;
-} Slave;
+} Instance;
 
 /* Start values of one type behind one call. */
 typedef struct {
@@ -77,7 +77,7 @@ typedef struct {
 } Start;
 
 typedef struct {
-    Slave *slaves;
+    Instance *instances;
     const Phase *phases;
     int64_t n_phases;
     double *store; /* [2 n_outputs]: current, then previous outputs (of remembered instances) */
@@ -96,8 +96,7 @@ typedef struct {
 enum { DONE, CALL_FAILED, ENDED, OUT_OF_BOUNDS };
 
 /* Inputs and slopes to the instance. */
-static int hand_over(Slave *s, Job *job)
-{
+static int hand_over(Instance *s, Job *job) {
     job->call = SET_INPUTS;
     int status = 0;
     if (s->n_inputs)
@@ -109,8 +108,7 @@ static int hand_over(Slave *s, Job *job)
                       : s->set3(s->instance, s->slope_refs, (size_t)s->n_slopes, s->slopes, (size_t)s->n_slopes);
 }
 
-static int set_inputs(Slave *s, const Operation *o, const double *store, Job *job)
-{
+static int set_inputs(Instance *s, const Operation *o, const double *store, Job *job) {
     for (int64_t i = 0; i < o->n_source; i++) s->inputs[i] = store[o->source[i]];
     for (int64_t i = 0; i < o->n_line; i++) {
         const double rise = store[o->newer[i]] - store[o->older[i]];
@@ -120,27 +118,25 @@ static int set_inputs(Slave *s, const Operation *o, const double *store, Job *jo
     return hand_over(s, job);
 }
 
-static int fetch(Slave *s, double *outputs, Job *job)
-{
+static int fetch(Instance *s, double *outputs, Job *job) {
     job->call = GET_OUTPUTS;
     if (!s->n_outputs) return 0;
     return s->get2 ? s->get2(s->instance, s->output_refs, (size_t)s->n_outputs, outputs)
                    : s->get3(s->instance, s->output_refs, (size_t)s->n_outputs, outputs, (size_t)s->n_outputs);
 }
 
-static int get_outputs(Slave *s, double *store, int64_t n, Job *job)
-{
+static int get_outputs(Instance *s, double *store, int64_t n, Job *job) {
     double *newest = store + s->offset, *older = store + n + s->offset;
     const size_t size = (size_t)s->n_outputs * sizeof(double);
     if (s->remembered) memcpy(older, newest, size);
     const int status = fetch(s, newest, job);
-    if (status > 1) memset(newest, 0, size); /* the run ends: what the failed call left there is no output of this instance */
+    if (status > 1)
+        memset(newest, 0, size); /* the run ends: what the failed call left there is no output of this instance */
     return status;
 }
 
 /* 0 or 1: done; 2 and more: failed; -1: the FMU wants the run to end. */
-static int step_slave(Slave *s, double time, double size, Job *job)
-{
+static int step_instance(Instance *s, double time, double size, Job *job) {
     job->call = DO_STEP;
     if (s->step2) return s->step2(s->instance, time, size, 1);
     const int status = s->step3(s->instance, time, size, 1, s->event, s->terminate, s->early, s->reached);
@@ -149,8 +145,7 @@ static int step_slave(Slave *s, double time, double size, Job *job)
     return *s->terminate ? -1 : status;
 }
 
-static int within_bounds(const Job *job)
-{
+static int within_bounds(const Job *job) {
     int beyond = 0;
     for (int64_t i = 0; i < job->n_outputs; i++) beyond |= !(fabs(job->store[i]) <= job->bound);
     if (beyond) return 0;
@@ -159,16 +154,14 @@ static int within_bounds(const Job *job)
     return 1;
 }
 
-static void record(const Job *job, const Phase *phase, double *row)
-{
+static void record(const Job *job, const Phase *phase, double *row) {
     if (phase->in_order)
         memcpy(row, job->store + phase->columns[0], (size_t)job->n_columns * sizeof(double));
     else
         for (int64_t i = 0; i < job->n_columns; i++) row[i] = job->store[phase->columns[i]];
 }
 
-static int start(const Slave *s, const Start *how)
-{
+static int start(const Instance *s, const Start *how) {
     if (!how->fresh && how->reset(s->instance) > 1) return 0;
     for (int64_t i = 0; i < how->n_banks; i++) {
         const Bank *b = how->banks + i;
@@ -181,11 +174,10 @@ static int start(const Slave *s, const Start *how)
 }
 
 /* All outputs into the store: 1 where all is as before, 0 where not, -1 where an instance refuses. */
-static int collect(Job *job, int64_t n_slaves)
-{
+static int collect(Job *job, int64_t n_instances) {
     int same = 1;
-    for (Slave *s = job->slaves; s < job->slaves + n_slaves; s++) {
-        job->mark[1] = s - job->slaves;
+    for (Instance *s = job->instances; s < job->instances + n_instances; s++) {
+        job->mark[1] = s - job->instances;
         if (fetch(s, s->outputs, job) > 1) return -1;
         for (int64_t i = 0; i < s->n_outputs; i++) {
             same = same && s->outputs[i] == job->store[s->offset + i];
@@ -197,19 +189,18 @@ static int collect(Job *job, int64_t n_slaves)
 
 /* Starts every instance and carries outputs to inputs until nothing changes any more: 0, or 1 where an instance refuses
  * anything (the caller starts again in Python, which says what). */
-EXPORTED int initialise(Job *job, const Start *starts, int64_t n_slaves)
-{
-    for (int64_t i = 0; i < n_slaves; i++) {
+EXPORTED int initialise(Job *job, const Start *starts, int64_t n_instances) {
+    for (int64_t i = 0; i < n_instances; i++) {
         job->mark[1] = i;
-        if (!start(job->slaves + i, starts + i)) return 1;
+        if (!start(job->instances + i, starts + i)) return 1;
     }
     for (int64_t i = 0; i < job->n_outputs; i++) job->store[i] = NAN;
-    for (int64_t round = 0; round <= n_slaves; round++) {
-        const int same = collect(job, n_slaves);
+    for (int64_t round = 0; round <= n_instances; round++) {
+        const int same = collect(job, n_instances);
         if (same < 0) return 1;
         if (same) break;
-        for (int64_t i = 0; i < n_slaves; i++) {
-            Slave *s = job->slaves + i;
+        for (int64_t i = 0; i < n_instances; i++) {
+            Instance *s = job->instances + i;
             int news = !round;
             for (int64_t k = 0; k < s->n_inputs; k++) {
                 const double value = job->store[starts[i].source[k]];
@@ -221,24 +212,22 @@ EXPORTED int initialise(Job *job, const Start *starts, int64_t n_slaves)
             if (s->n_inputs && news && hand_over(s, job) > 1) return 1;
         }
     }
-    for (int64_t i = 0; i < n_slaves; i++) {
+    for (int64_t i = 0; i < n_instances; i++) {
         job->mark[1] = i;
-        if (starts[i].leave(job->slaves[i].instance) > 1) return 1;
+        if (starts[i].leave(job->instances[i].instance) > 1) return 1;
     }
-    if (collect(job, n_slaves) < 0) return 1;
+    if (collect(job, n_instances) < 0) return 1;
     for (int64_t i = 0; i < job->n_outputs; i++) job->store[job->n_outputs + i] = job->store[i];
     return 0;
 }
 
-static inline Slave *at_work(Job *job, const Operation *o)
-{
+static inline Instance *at_work(Job *job, const Operation *o) {
     job->mark[1] = o->component;
-    return job->slaves + o->component;
+    return job->instances + o->component;
 }
 
 /* Communication steps from mark[0] on until it is `until`, or until something ends the run. */
-EXPORTED int execute(Job *job, int64_t until)
-{
+EXPORTED int execute(Job *job, int64_t until) {
     int64_t *const done = job->mark, rest = *done % job->every;
     const Phase *phase = job->phases + *done % job->n_phases;
     double *row = job->table + (*done / job->every + 1 - job->row_start) * job->n_columns;
@@ -247,10 +236,12 @@ EXPORTED int execute(Job *job, int64_t until)
         const Operation *o = phase->operations, *const end = o + phase->n_operations;
         int status = 0, going = 1;
         while (o < end && status <= 1) { /* a loop of its own for each kind: the processor then foresees the calls */
-            for (; o < end && o->kind == SET && status <= 1; o++) status = set_inputs(at_work(job, o), o, job->store, job);
+            for (; o < end && o->kind == SET && status <= 1; o++)
+                status = set_inputs(at_work(job, o), o, job->store, job);
             for (; o < end && o->kind == STEP && status <= 1; o++)
-                if ((status = step_slave(at_work(job, o), time, o->size, job)) < 0) going = 0;
-            for (; o < end && o->kind == GET && status <= 1; o++) status = get_outputs(at_work(job, o), job->store, job->n_outputs, job);
+                if ((status = step_instance(at_work(job, o), time, o->size, job)) < 0) going = 0;
+            for (; o < end && o->kind == GET && status <= 1; o++)
+                status = get_outputs(at_work(job, o), job->store, job->n_outputs, job);
         }
         if (status > 1) {
             job->status = status;

@@ -1,4 +1,4 @@
-/* The batch kernel of sweeps: one schedule (cosim/schedule.py) run for REAL_LANES scenarios at once, without FMI.
+/* The batch kernel of sweeps: one schedule (cosim/wiring/schedule.py) run for REAL_LANES scenarios at once, without FMI.
  *
  * The physics is that of the FMUs, from the same header (PhantomArm/arm.h), compiled for vector lanes; the schedule's
  * operations, the inputs along lines, Runge-Kutta 4 and the delay's interpolation are those of shared/stepping.h,
@@ -26,7 +26,7 @@
 #define LANE(a, i) (*((void)(i), &(a)))
 #endif
 
-#define SAME 1e-9      /* s: ring.h's RING_SAME */
+#define SAME 1e-9 /* s: ring.h's RING_SAME */
 #define MAX_INPUTS 18
 
 enum { ARM, CONTROLLER, CHANNEL, SERIES };
@@ -46,9 +46,9 @@ typedef struct {
      *      stiffness 19-21, damping 22-24, q_start 25-27, dq_start 28-30
      * CONTROLLER: stiffness 0-2, damping 3-5, joint_stiffness 6-8, joint_damping 9-11, 1 where Cartesian 12 */
     const real *numbers;
-    int64_t internal_steps;      /* ARM */
+    int64_t internal_steps;                         /* ARM */
     int64_t workspace, impedance, viscous, coulomb; /* ARM: whether any lane has it (workspace: all or none) */
-    int64_t linear;              /* CHANNEL: interpolation */
+    int64_t linear;                                 /* CHANNEL: interpolation */
     const double *const *series; /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES] values [n + 1][n_series] */
     int64_t n_series;            /* SERIES: numbers in a row */
     const int64_t *series_step;  /* [LANES] 1, or 0 where the series is one constant row */
@@ -84,19 +84,21 @@ typedef struct {
     int64_t head; /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
 } Lane;
 
-EXPORTED int64_t lanes(void) { return LANES; }
-EXPORTED int64_t lane_size(void) { return (int64_t)sizeof(Lane); }
+EXPORTED int64_t lanes(void) {
+    return LANES;
+}
+EXPORTED int64_t lane_size(void) {
+    return (int64_t)sizeof(Lane);
+}
 
-static inline real load(const double p[LANES])
-{
+static inline real load(const double p[LANES]) {
     real r;
     memcpy(&r, p, sizeof r);
     return r;
 }
 
 /* Number k of each lane's own numbers. */
-static inline real gathered(const double *const *p, int64_t k)
-{
+static inline real gathered(const double *const *p, int64_t k) {
     real r;
     for (int lane = 0; lane < LANES; lane++) LANE(r, lane) = p[lane][k];
     return r;
@@ -104,11 +106,12 @@ static inline real gathered(const double *const *p, int64_t k)
 
 /* --- the arm ------------------------------------------------------------------------------------------------------- */
 
-static inline mask none(void) { return real_of(0.0) > real_of(1.0); }
+static inline mask none(void) {
+    return real_of(0.0) > real_of(1.0);
+}
 
 /* ddq of PhantomArm's model.c, its plain branch, term by term in its order. */
-static inline void acceleration(Lane *a, const Component *c, const ArmPose *p, const real dq[3], real ddq[3])
-{
+static inline void acceleration(Lane *a, const Component *c, const ArmPose *p, const real dq[3], real ddq[3]) {
     const real *n = a->numbers, *u = a->inputs;
     real torque[3], force[3], part[3], coriolis[3], gravity[3], balance[3];
     const ArmInertia inertia = arm_inertia(n, p);
@@ -139,21 +142,18 @@ static inline void acceleration(Lane *a, const Component *c, const ArmPose *p, c
 }
 
 /* u(t_n + offset) = u(t_n) + slope offset, inputs along lines. */
-static inline void move_inputs(Lane *a, double offset)
-{
+static inline void move_inputs(Lane *a, double offset) {
     const int64_t *lines = a->lines, n = a->n_lines;
     for (int64_t k = 0; k < n; k++) a->inputs[lines[k]] = a->starts[k] + a->slopes[k] * offset;
 }
 
-static inline void rates(Lane *a, const Component *c, const ArmPose *p, const real s[6], real k[6])
-{
+static inline void rates(Lane *a, const Component *c, const ArmPose *p, const real s[6], real k[6]) {
     for (int i = 0; i < 3; i++) k[i] = s[3 + i];
     acceleration(a, c, p, s + 3, k + 3);
 }
 
 /* `a->pose` is that of the state. */
-static void runge_kutta(Lane *a, const Component *c, double offset, double h)
-{
+static void runge_kutta(Lane *a, const Component *c, double offset, double h) {
     real s[6], k1[6], k2[6], k3[6], k4[6];
     ArmPose p;
     move_inputs(a, offset);
@@ -172,16 +172,14 @@ static void runge_kutta(Lane *a, const Component *c, double offset, double h)
     for (int i = 0; i < 6; i++) a->state[i] = a->state[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
-static void arm_outputs(Lane *a, real *out)
-{
+static void arm_outputs(Lane *a, real *out) {
     a->pose = arm_pose(a->state);
     for (int i = 0; i < 6; i++) out[i] = a->state[i];
     arm_position(&a->pose, out + 6);
     arm_velocity(&a->pose, a->state + 3, out + 9);
 }
 
-static void arm_start(Lane *a, real *out)
-{
+static void arm_start(Lane *a, real *out) {
     for (int i = 0; i < 6; i++) a->state[i] = a->kept[i] = a->numbers[25 + i];
     a->indefinite = none();
     a->inside = a->indefinite == none();
@@ -189,8 +187,7 @@ static void arm_start(Lane *a, real *out)
 }
 
 /* State finite, M positive definite along the step, workspace where asked for: else the state stays as before. */
-static void arm_step(Lane *a, const Component *c, double size, real *out)
-{
+static void arm_step(Lane *a, const Component *c, double size, real *out) {
     for (int64_t i = 0; i < c->internal_steps; i++) {
         if (i > 0) a->pose = arm_pose(a->state);
         runge_kutta(a, c, size * (double)i / (double)c->internal_steps, size / (double)c->internal_steps);
@@ -208,8 +205,7 @@ static void arm_step(Lane *a, const Component *c, double size, real *out)
 
 /* --- controller, channel, series ----------------------------------------------------------------------------------- */
 
-static void controller_outputs(const Lane *a, real *out)
-{
+static void controller_outputs(const Lane *a, real *out) {
     const real *n = a->numbers, *u = a->inputs;
     for (int i = 0; i < 3; i++) {
         const real f = n[i] * (u[i] - u[3 + i]) - n[3 + i] * u[6 + i];
@@ -220,13 +216,11 @@ static void controller_outputs(const Lane *a, real *out)
 }
 
 /* A lane's wired inputs in record k of the samples entered. */
-static inline double *past(const Component *c, int64_t k, int lane)
-{
+static inline double *past(const Component *c, int64_t k, int lane) {
     return c->history + ((k & (c->capacity - 1)) * LANES + lane) * c->n_inputs;
 }
 
-static inline void enter(Lane *a, const Component *c, double stamp)
-{
+static inline void enter(Lane *a, const Component *c, double stamp) {
     const int64_t k = a->head++;
     c->stamps[k & (c->capacity - 1)] = stamp;
     for (int64_t i = 0; i < c->n_inputs; i++) {
@@ -235,11 +229,12 @@ static inline void enter(Lane *a, const Component *c, double stamp)
     }
 }
 
-static inline double stamp(const Component *c, int64_t k) { return c->stamps[k & (c->capacity - 1)]; }
+static inline double stamp(const Component *c, int64_t k) {
+    return c->stamps[k & (c->capacity - 1)];
+}
 
 /* The last record whose stamp is at most the target, from where the delay in steps says that it is. */
-static inline int64_t find(const Component *c, int64_t newest, double target, double delay, double rate)
-{
+static inline int64_t find(const Component *c, int64_t newest, double target, double delay, double rate) {
     int64_t k = newest - (int64_t)(delay * rate + 0.999);
     if (k < 0) k = 0;
     while (k < newest && stamp(c, k + 1) <= target + SAME) k++;
@@ -248,8 +243,7 @@ static inline int64_t find(const Component *c, int64_t newest, double target, do
 }
 
 /* y(t) = u(t - d(t)), d read at receive time. */
-static void channel_step(Lane *a, const Component *component, int64_t done, double t, double size, real *out)
-{
+static void channel_step(Lane *a, const Component *component, int64_t done, double t, double size, real *out) {
     const Component copy = *component, *c = &copy;
     const int64_t newest = a->head;
     const double rate = 1.0 / size, *one[LANES], *next[LANES];
@@ -269,16 +263,14 @@ static void channel_step(Lane *a, const Component *component, int64_t done, doub
     }
 }
 
-static void channel_start(Lane *a, const Component *c, real *out)
-{
+static void channel_start(Lane *a, const Component *c, real *out) {
     a->head = 0;
     enter(a, c, -1e300);
     enter(a, c, 0.0);
     for (int i = 0; i < 6; i++) out[i] = a->inputs[i];
 }
 
-static void series_outputs(const Component *c, int64_t row, real *out)
-{
+static void series_outputs(const Component *c, int64_t row, real *out) {
     const double *rows[LANES];
     for (int lane = 0; lane < LANES; lane++) rows[lane] = c->series[lane] + row * c->series_step[lane] * c->n_series;
     for (int64_t k = 0; k < c->n_series; k++) out[k] = gathered(rows, k);
@@ -288,49 +280,62 @@ static void series_outputs(const Component *c, int64_t row, real *out)
 
 /* Held, then along lines: for an arm to move along, for the others at the end of the step, where they read them. (Copies of
  * what an operation holds: a store of vectors might change it for all that the compiler knows.) */
-static void set_inputs(Lane *a, const Component *c, const Operation *operation, const real *store, double size)
-{
+static void set_inputs(Lane *a, const Component *c, const Operation *operation, const real *store, double size) {
     const Operation o = *operation;
     const int64_t *inputs = c->inputs, arm = c->kind == ARM;
     for (int64_t i = 0; i < o.n_source; i++) a->inputs[inputs[i]] = store[o.source[i]];
     for (int64_t i = 0; i < o.n_line; i++) {
         const real slope = (store[o.newer[i]] - store[o.older[i]]) / o.span[i];
         real *u = a->inputs + o.line[i];
-        if (arm) a->starts[i] = *u, a->slopes[i] = slope;
-        else *u = *u + slope * size;
+        if (arm)
+            a->starts[i] = *u, a->slopes[i] = slope;
+        else
+            *u = *u + slope * size;
     }
     a->lines = o.line, a->n_lines = o.n_line;
 }
 
 /* Outputs after `done` steps begin here. */
-static inline real *outputs(const Job *job, const Component *c, int64_t done)
-{
+static inline real *outputs(const Job *job, const Component *c, int64_t done) {
     return job->store + done % 2 * job->n_places + c->first;
 }
 
-static void step(Lane *a, const Component *c, int64_t done, double time, double size, real *out)
-{
+static void step(Lane *a, const Component *c, int64_t done, double time, double size, real *out) {
     switch (c->kind) {
-    case ARM: arm_step(a, c, size, out); break;
-    case CONTROLLER: controller_outputs(a, out); break;
-    case CHANNEL: channel_step(a, c, done, time + size, size, out); break;
-    default: series_outputs(c, done + 1, out); break;
+    case ARM:
+        arm_step(a, c, size, out);
+        break;
+    case CONTROLLER:
+        controller_outputs(a, out);
+        break;
+    case CHANNEL:
+        channel_step(a, c, done, time + size, size, out);
+        break;
+    default:
+        series_outputs(c, done + 1, out);
+        break;
     }
 }
 
-static void begin(Lane *a, const Component *c, real *out)
-{
+static void begin(Lane *a, const Component *c, real *out) {
     switch (c->kind) {
-    case ARM: arm_start(a, out); break;
-    case CONTROLLER: controller_outputs(a, out); break;
-    case CHANNEL: channel_start(a, c, out); break;
-    default: series_outputs(c, 0, out); break;
+    case ARM:
+        arm_start(a, out);
+        break;
+    case CONTROLLER:
+        controller_outputs(a, out);
+        break;
+    case CHANNEL:
+        channel_start(a, c, out);
+        break;
+    default:
+        series_outputs(c, 0, out);
+        break;
     }
 }
 
 /* As master.initialise: outputs to inputs until nothing changes any more. */
-static void initialise(Job *job, Lane *work, const int64_t *const *sources)
-{
+static void initialise(Job *job, Lane *work, const int64_t *const *sources) {
     for (int64_t round = 0; round <= job->n_components + 1; round++)
         for (int64_t i = 0; i < job->n_components; i++) {
             const Component *c = job->components + i;
@@ -340,8 +345,7 @@ static void initialise(Job *job, Lane *work, const int64_t *const *sources)
     memcpy(job->store + job->n_places, job->store, (size_t)job->n_places * sizeof(real));
 }
 
-static void prepare(Job *job, Lane *work)
-{
+static void prepare(Job *job, Lane *work) {
     static const int64_t counts[] = {31, 13, 0, 0};
     for (int64_t i = 0; i < job->n_components; i++) {
         memset(work + i, 0, sizeof *work);
@@ -350,8 +354,7 @@ static void prepare(Job *job, Lane *work)
     }
 }
 
-static void record(const Job *job, const int64_t *columns, int64_t done)
-{
+static void record(const Job *job, const int64_t *columns, int64_t done) {
     const int64_t n = job->n_columns;
     for (int lane = 0; lane < LANES; lane++) {
         if (job->outcome[lane]) continue;
@@ -362,10 +365,10 @@ static void record(const Job *job, const int64_t *columns, int64_t done)
 }
 
 /* Notes the lanes that end after `done` steps; whether any still runs. */
-static int watch(Job *job, const Lane *work, int64_t done)
-{
+static int watch(Job *job, const Lane *work, int64_t done) {
     const real *newest = job->store + done % 2 * job->n_places;
-    real most = real_of(0.0); /* magnitude, found by bits: as integers they have the order of the numbers, and NaN is above all */
+    real most = real_of(
+        0.0); /* magnitude, found by bits: as integers they have the order of the numbers, and NaN is above all */
     mask inside = none() == none();
     for (int64_t i = 0; i < job->n_places; i++) {
         const real_bits size = bits_of(newest[i]) & INT64_MAX;
@@ -379,14 +382,15 @@ static int watch(Job *job, const Lane *work, int64_t done)
     for (int lane = 0; lane < LANES; lane++) {
         if (job->outcome[lane]) continue;
         job->outcome[lane] = !LANE(fine, lane) ? 1 : !LANE(inside, lane) ? 2 : 0;
-        if (job->outcome[lane]) job->ended[lane] = done;
-        else running = 1;
+        if (job->outcome[lane])
+            job->ended[lane] = done;
+        else
+            running = 1;
     }
     return running;
 }
 
-EXPORTED void run(Job *job, const int64_t *const *sources)
-{
+EXPORTED void run(Job *job, const int64_t *const *sources) {
     Lane *work = job->work;
     prepare(job, work);
     initialise(job, work, sources);
@@ -400,8 +404,10 @@ EXPORTED void run(Job *job, const int64_t *const *sources)
         for (int64_t k = 0; k < phase->n_operations; k++) {
             const Operation *o = phase->operations + k;
             const Component *c = job->components + o->component;
-            if (o->kind == SET) set_inputs(work + o->component, c, o, job->store, size);
-            else step(work + o->component, c, done, time, size, outputs(job, c, done + 1));
+            if (o->kind == SET)
+                set_inputs(work + o->component, c, o, job->store, size);
+            else
+                step(work + o->component, c, done, time, size, outputs(job, c, done + 1));
         }
         if ((done + 1) % job->every == 0) record(job, phase->columns, done + 1);
         if (!watch(job, work, done + 1)) return;

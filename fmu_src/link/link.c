@@ -33,7 +33,8 @@ typedef struct {
 } Motion;
 
 /* LANES links from the first on (those beyond the last are the last once more). */
-static void side_by_side(const Motion *m, int links, int first, const double (*link)[NUMBERS], double *twist, double *transmitted) {
+static void side_by_side(const Motion *m, int links, int first, const double (*link)[NUMBERS], double *twist,
+                         double *transmitted) {
     real p[NUMBERS];
     int steps = 1;
     for (int i = 0; i < LANES; i++) {
@@ -41,11 +42,13 @@ static void side_by_side(const Motion *m, int links, int first, const double (*l
         for (int k = 0; k < NUMBERS; k++) LANE(p[k], i) = own[k];
         if (own[SUBSTEPS] > steps) steps = (int)own[SUBSTEPS];
     }
-    const real count = p[SUBSTEPS], dt = m->h / count, half = 0.5 * p[GAP], none = real_of(0.0), everywhere = choose(half == 0.0, p[DAMPING], none);
+    const real count = p[SUBSTEPS], dt = m->h / count, half = 0.5 * p[GAP], none = real_of(0.0),
+               everywhere = choose(half == 0.0, p[DAMPING], none);
     real t = p[START], rate = p[START_RATE], now = p[DRIVEN] * (m->torque[0] - p[MOTOR] * m->acceleration[0]);
     for (int k = 0; k < m->n; k++) {
         const int after = k + 1 < m->n ? k + 1 : k;
-        const real next = p[DRIVEN] * (m->torque[after] - p[MOTOR] * m->acceleration[after]), change = (next - now) / count;
+        const real next = p[DRIVEN] * (m->torque[after] - p[MOTOR] * m->acceleration[after]),
+                   change = (next - now) / count;
         const real gain = dt / real_max(m->mass[k] - p[MOTOR], p[LIGHTEST]);
         for (int s = 0; s < steps; s++) {
             const real beyond = t - real_clamp(t, -half, half);
@@ -55,7 +58,8 @@ static void side_by_side(const Motion *m, int links, int first, const double (*l
                 transmitted[(int64_t)k * links + first + i] = LANE(contact, i);
             }
             const mask done = count <= (double)s;
-            rate = choose(done, rate, rate + gain * (now + change * (double)s - m->drag[k] * rate - m->spring[k] * t - contact));
+            rate = choose(done, rate,
+                          rate + gain * (now + change * (double)s - m->drag[k] * rate - m->spring[k] * t - contact));
             t = choose(done, t, t + dt * rate);
         }
         now = next;
@@ -63,8 +67,8 @@ static void side_by_side(const Motion *m, int links, int first, const double (*l
 }
 
 EXPORTED void links_behind(int n, double h, int links, const double *mass, const double *drag, const double *spring,
-                           const double *torque, const double *acceleration, const double (*link)[NUMBERS], double *twist,
-                           double *transmitted) {
+                           const double *torque, const double *acceleration, const double (*link)[NUMBERS],
+                           double *twist, double *transmitted) {
     const Motion motion = {n, h, mass, drag, spring, torque, acceleration};
     for (int first = 0; first < links; first += LANES) side_by_side(&motion, links, first, link, twist, transmitted);
 }

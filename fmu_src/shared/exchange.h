@@ -37,7 +37,8 @@ static inline Status get_states(Instance *c, int what, double *states, size_t n)
     }
     Status status = c->s.phase & (INITIALIZATION | RUNNING) ? refresh(c, what == 1) : OK;
     for (size_t i = 0; i < n && status == OK; i++) {
-        states[i] = what == 2 ? variables[state_at[i]].nominal : values_of(c)[what == 1 ? derivative_at[i] : state_at[i]];
+        states[i] =
+            what == 2 ? variables[state_at[i]].nominal : values_of(c)[what == 1 ? derivative_at[i] : state_at[i]];
         if (!is_finite(states[i])) {
             (void)snprintf(c->text, sizeof c->text, "%s of %s is not a finite number at t = %.9g s",
                            what == 1 ? "derivative" : "value", variables[state_at[i]].name, c->s.time);

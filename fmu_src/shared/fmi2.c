@@ -14,10 +14,10 @@
 #include "snapshot.h"
 #include "stepping.h"
 
-#define CHECK(phases) \
-    Instance *c = (Instance *)component; \
-    if (allow(c, __func__, phases) != OK) { \
-        return fmi2Error; \
+#define CHECK(phases)                                                                                                  \
+    Instance *c = (Instance *)component;                                                                               \
+    if (allow(c, __func__, phases) != OK) {                                                                            \
+        return fmi2Error;                                                                                              \
     }
 
 static void log_fmi2(Instance *c, Status status, const char *category, const char *text) {
@@ -36,8 +36,12 @@ static void log_fmi2(Instance *c, Status status, const char *category, const cha
 
 /* ---- life ---- */
 
-const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-const char *fmi2GetVersion(void) { return fmi2Version; }
+const char *fmi2GetTypesPlatform(void) {
+    return fmi2TypesPlatform;
+}
+const char *fmi2GetVersion(void) {
+    return fmi2Version;
+}
 
 fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n, const fmi2String categories[]) {
     CHECK(ANY)
@@ -56,7 +60,9 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                   functions ? (void (*)(void))functions->logger : NULL, log_fmi2);
 }
 
-void fmi2FreeInstance(fmi2Component component) { free(component); }
+void fmi2FreeInstance(fmi2Component component) {
+    free(component);
+}
 
 fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
                                fmi2Real start_time, fmi2Boolean stop_defined, fmi2Real stop_time) {
@@ -92,33 +98,33 @@ fmi2Status fmi2Reset(fmi2Component component) {
 
 /* ---- variables ---- */
 
-#define ACCESS(C_TYPE, NAME, KIND, READ, WRITE) \
-    fmi2Status fmi2Get##NAME(fmi2Component component, const fmi2ValueReference vr[], size_t n, C_TYPE value[]) { \
-        CHECK(ANY) \
-        if (n && (!vr || !value)) { \
-            return (fmi2Status)unsupported(c, __func__, "an array is missing"); \
-        } \
-        for (size_t i = 0; i < n; i++) { \
-            double x = 0.0; \
-            if (get_value(c, __func__, vr[i], KIND, &x) != OK) { \
-                return fmi2Error; \
-            } \
-            value[i] = READ; \
-        } \
-        return fmi2OK; \
-    } \
+#define ACCESS(C_TYPE, NAME, KIND, READ, WRITE)                                                                        \
+    fmi2Status fmi2Get##NAME(fmi2Component component, const fmi2ValueReference vr[], size_t n, C_TYPE value[]) {       \
+        CHECK(ANY)                                                                                                     \
+        if (n && (!vr || !value)) {                                                                                    \
+            return (fmi2Status)unsupported(c, __func__, "an array is missing");                                        \
+        }                                                                                                              \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            double x = 0.0;                                                                                            \
+            if (get_value(c, __func__, vr[i], KIND, &x) != OK) {                                                       \
+                return fmi2Error;                                                                                      \
+            }                                                                                                          \
+            value[i] = READ;                                                                                           \
+        }                                                                                                              \
+        return fmi2OK;                                                                                                 \
+    }                                                                                                                  \
     fmi2Status fmi2Set##NAME(fmi2Component component, const fmi2ValueReference vr[], size_t n, const C_TYPE value[]) { \
-        CHECK(INSTANTIATED | INITIALIZATION | RUNNING) \
-        if (n && (!vr || !value)) { \
-            return (fmi2Status)unsupported(c, __func__, "an array is missing"); \
-        } \
-        for (size_t i = 0; i < n; i++) { \
-            C_TYPE v = value[i]; \
-            if (set_value(c, __func__, vr[i], KIND, WRITE) != OK) { \
-                return fmi2Error; \
-            } \
-        } \
-        return fmi2OK; \
+        CHECK(INSTANTIATED | INITIALIZATION | RUNNING)                                                                 \
+        if (n && (!vr || !value)) {                                                                                    \
+            return (fmi2Status)unsupported(c, __func__, "an array is missing");                                        \
+        }                                                                                                              \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            C_TYPE v = value[i];                                                                                       \
+            if (set_value(c, __func__, vr[i], KIND, WRITE) != OK) {                                                    \
+                return fmi2Error;                                                                                      \
+            }                                                                                                          \
+        }                                                                                                              \
+        return fmi2OK;                                                                                                 \
     }
 
 /* an enumeration is read and set as an integer */
@@ -230,12 +236,12 @@ fmi2Status fmi2CancelStep(fmi2Component component) {
     return (fmi2Status)unsupported(c, __func__, "a step is never pending");
 }
 
-#define STATUS(NAME, TYPE) \
-    fmi2Status fmi2Get##NAME(fmi2Component component, const fmi2StatusKind kind, TYPE *value) { \
-        CHECK(ANY) \
-        (void)kind; \
-        (void)value; \
-        return (fmi2Status)complain(c, DISCARD, #NAME " is only known of a pending step; a step is never pending"); \
+#define STATUS(NAME, TYPE)                                                                                             \
+    fmi2Status fmi2Get##NAME(fmi2Component component, const fmi2StatusKind kind, TYPE *value) {                        \
+        CHECK(ANY)                                                                                                     \
+        (void)kind;                                                                                                    \
+        (void)value;                                                                                                   \
+        return (fmi2Status)complain(c, DISCARD, #NAME " is only known of a pending step; a step is never pending");    \
     }
 
 STATUS(Status, fmi2Status)

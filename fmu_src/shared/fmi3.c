@@ -22,15 +22,15 @@
 #include "snapshot.h"
 #include "stepping.h"
 
-#define CHECK(phases) \
-    Instance *c = (Instance *)instance; \
-    if (allow(c, __func__, phases) != OK) { \
-        return fmi3Error; \
+#define CHECK(phases)                                                                                                  \
+    Instance *c = (Instance *)instance;                                                                                \
+    if (allow(c, __func__, phases) != OK) {                                                                            \
+        return fmi3Error;                                                                                              \
     }
 
-#define MISSING(condition) \
-    if (condition) { \
-        return (fmi3Status)unsupported(c, __func__, "an argument is missing, or the sizes do not agree"); \
+#define MISSING(condition)                                                                                             \
+    if (condition) {                                                                                                   \
+        return (fmi3Status)unsupported(c, __func__, "an argument is missing, or the sizes do not agree");              \
     }
 
 /* What this FMU has not: one polite answer. */
@@ -49,7 +49,9 @@ static void log_fmi3(Instance *c, Status status, const char *category, const cha
 
 /* ---- life ---- */
 
-const char *fmi3GetVersion(void) { return fmi3Version; }
+const char *fmi3GetVersion(void) {
+    return fmi3Version;
+}
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) {
     CHECK(ANY)
@@ -106,7 +108,9 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
     return NULL;
 }
 
-void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
+void fmi3FreeInstance(fmi3Instance instance) {
+    free(instance);
+}
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start_time, fmi3Boolean stop_defined, fmi3Float64 stop_time) {
@@ -179,53 +183,53 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], 
     return fmi3OK;
 }
 
-#define ACCESS(C_TYPE, NAME, KIND, READ, WRITE) \
-    fmi3Status fmi3Get##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, C_TYPE value[], \
-                             size_t n_values) { \
-        CHECK(ANY) \
-        MISSING(n != n_values || (n && (!vr || !value))) \
-        for (size_t i = 0; i < n; i++) { \
-            double x = 0.0; \
-            if (get_value(c, __func__, vr[i], KIND, &x) != OK) { \
-                return fmi3Error; \
-            } \
-            value[i] = READ; \
-        } \
-        return fmi3OK; \
-    } \
-    fmi3Status fmi3Set##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const C_TYPE value[], \
-                             size_t n_values) { \
-        CHECK(INSTANTIATED | INITIALIZATION | RUNNING) \
-        MISSING(n != n_values || (n && (!vr || !value))) \
-        for (size_t i = 0; i < n; i++) { \
-            C_TYPE v = value[i]; \
-            if (set_value(c, __func__, vr[i], KIND, WRITE) != OK) { \
-                return fmi3Error; \
-            } \
-        } \
-        return fmi3OK; \
+#define ACCESS(C_TYPE, NAME, KIND, READ, WRITE)                                                                        \
+    fmi3Status fmi3Get##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, C_TYPE value[],           \
+                             size_t n_values) {                                                                        \
+        CHECK(ANY)                                                                                                     \
+        MISSING(n != n_values || (n && (!vr || !value)))                                                               \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            double x = 0.0;                                                                                            \
+            if (get_value(c, __func__, vr[i], KIND, &x) != OK) {                                                       \
+                return fmi3Error;                                                                                      \
+            }                                                                                                          \
+            value[i] = READ;                                                                                           \
+        }                                                                                                              \
+        return fmi3OK;                                                                                                 \
+    }                                                                                                                  \
+    fmi3Status fmi3Set##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const C_TYPE value[],     \
+                             size_t n_values) {                                                                        \
+        CHECK(INSTANTIATED | INITIALIZATION | RUNNING)                                                                 \
+        MISSING(n != n_values || (n && (!vr || !value)))                                                               \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            C_TYPE v = value[i];                                                                                       \
+            if (set_value(c, __func__, vr[i], KIND, WRITE) != OK) {                                                    \
+                return fmi3Error;                                                                                      \
+            }                                                                                                          \
+        }                                                                                                              \
+        return fmi3OK;                                                                                                 \
     }
 
 ACCESS(fmi3Int32, Int32, INTEGER, (fmi3Int32)x, (double)v)
 ACCESS(fmi3Int64, Int64, ENUMERATION, (fmi3Int64)x, (double)v)
 ACCESS(fmi3Boolean, Boolean, BOOLEAN, x != 0.0, v ? 1.0 : 0.0)
 
-#define NO_ACCESS(C_TYPE, NAME) \
-    fmi3Status fmi3Get##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, C_TYPE value[], \
-                             size_t n_values) { \
-        CHECK(ANY) \
-        (void)vr; \
-        (void)value; \
-        MISSING(n != n_values) \
-        return n == 0 ? fmi3OK : (fmi3Status)unsupported(c, __func__, "there are no variables of this type"); \
-    } \
-    fmi3Status fmi3Set##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const C_TYPE value[], \
-                             size_t n_values) { \
-        CHECK(ANY) \
-        (void)vr; \
-        (void)value; \
-        MISSING(n != n_values) \
-        return n == 0 ? fmi3OK : (fmi3Status)unsupported(c, __func__, "there are no variables of this type"); \
+#define NO_ACCESS(C_TYPE, NAME)                                                                                        \
+    fmi3Status fmi3Get##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, C_TYPE value[],           \
+                             size_t n_values) {                                                                        \
+        CHECK(ANY)                                                                                                     \
+        (void)vr;                                                                                                      \
+        (void)value;                                                                                                   \
+        MISSING(n != n_values)                                                                                         \
+        return n == 0 ? fmi3OK : (fmi3Status)unsupported(c, __func__, "there are no variables of this type");          \
+    }                                                                                                                  \
+    fmi3Status fmi3Set##NAME(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const C_TYPE value[],     \
+                             size_t n_values) {                                                                        \
+        CHECK(ANY)                                                                                                     \
+        (void)vr;                                                                                                      \
+        (void)value;                                                                                                   \
+        MISSING(n != n_values)                                                                                         \
+        return n == 0 ? fmi3OK : (fmi3Status)unsupported(c, __func__, "there are no variables of this type");          \
     }
 
 NO_ACCESS(fmi3Float32, Float32)
@@ -347,12 +351,10 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
 
 /* ---- configuration, clocks, partitions ---- */
 
-fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
-    CHECK(INSTANTIATED | EVENT | STEP)
-    UNSUPPORTED("there are no structural parameters")
-}
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance){CHECK(INSTANTIATED | EVENT | STEP)
+                                                                 UNSUPPORTED("there are no structural parameters")}
 
-fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) { UNSUPPORTED("there are no structural parameters") }
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance){UNSUPPORTED("there are no structural parameters")}
 
 fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                   fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]) {
@@ -432,9 +434,8 @@ fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference 
 
 /* ---- co-simulation ---- */
 
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
-    UNSUPPORTED("there is no event mode in co-simulation, the instance is in step mode after initialisation")
-}
+fmi3Status fmi3EnterStepMode(fmi3Instance instance){
+    UNSUPPORTED("there is no event mode in co-simulation, the instance is in step mode after initialisation")}
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                     const fmi3Int32 orders[], fmi3Float64 value[], size_t n_values) {

@@ -13,8 +13,8 @@ typedef enum { OK = 0, WARNING = 1, DISCARD = 2, ERROR = 3, FATAL = 4 } Status;
 typedef enum {
     INSTANTIATED = 1,
     INITIALIZATION = 2,
-    STEP = 4,       /* co-simulation */
-    EVENT = 8,      /* model exchange */
+    STEP = 4,        /* co-simulation */
+    EVENT = 8,       /* model exchange */
     CONTINUOUS = 16, /* model exchange */
     FAILED = 32,
     TERMINATED = 64
@@ -26,9 +26,9 @@ typedef enum {
 typedef struct {
     Model model;
     double slope[N_SLOPES + 1]; /* time derivative of each real input within a communication step, unit/s */
-    double time;                 /* s */
-    double completed;            /* s, time of the last completed integrator step (model exchange) */
-    double stop;                 /* s, HUGE_VAL where none is defined */
+    double time;                /* s */
+    double completed;           /* s, time of the last completed integrator step (model exchange) */
+    double stop;                /* s, HUGE_VAL where none is defined */
     int phase;
     int stale_outputs;
     int stale_derivatives;
@@ -39,8 +39,8 @@ typedef struct Instance Instance;
 struct Instance {
     State s;
     Model scratch; /* the model as it was, while difference quotients are taken */
-    int exchange; /* 1: model exchange, 0: co-simulation */
-    int logging;  /* 1: events are logged too; warnings and errors always are */
+    int exchange;  /* 1: model exchange, 0: co-simulation */
+    int logging;   /* 1: events are logged too; warnings and errors always are */
     void *environment;
     void (*logger)(void); /* of the standard at hand; called through `log` */
     void (*log)(Instance *c, Status status, const char *category, const char *text);
@@ -48,8 +48,12 @@ struct Instance {
     char text[512];
 };
 
-static inline double *values_of(Instance *c) { return (double *)&c->s.model; }
-static inline int is_finite(double x) { return x - x == 0.0; }
+static inline double *values_of(Instance *c) {
+    return (double *)&c->s.model;
+}
+static inline int is_finite(double x) {
+    return x - x == 0.0;
+}
 
 /* ---- messages ---- */
 
@@ -71,14 +75,22 @@ static inline Status complain_value(Instance *c, const char *function, const cha
 
 static inline const char *phase_name(int phase) {
     switch (phase) {
-    case INSTANTIATED: return "instantiated";
-    case INITIALIZATION: return "initialization mode";
-    case STEP: return "step mode";
-    case EVENT: return "event mode";
-    case CONTINUOUS: return "continuous-time mode";
-    case FAILED: return "failed";
-    case TERMINATED: return "terminated";
-    default: return "unknown";
+    case INSTANTIATED:
+        return "instantiated";
+    case INITIALIZATION:
+        return "initialization mode";
+    case STEP:
+        return "step mode";
+    case EVENT:
+        return "event mode";
+    case CONTINUOUS:
+        return "continuous-time mode";
+    case FAILED:
+        return "failed";
+    case TERMINATED:
+        return "terminated";
+    default:
+        return "unknown";
     }
 }
 
@@ -117,8 +129,7 @@ static inline void forget(Instance *c) {
 }
 
 static inline Instance *create(const char *name, const char *token, int exchange, int logging, void *environment,
-                               void (*logger)(void),
-                               void (*log)(Instance *, Status, const char *, const char *)) {
+                               void (*logger)(void), void (*log)(Instance *, Status, const char *, const char *)) {
     Instance *c = calloc(1, sizeof *c);
     if (!c) {
         return NULL;
@@ -190,7 +201,9 @@ static inline Status refresh(Instance *c, int derivatives_too) {
     return OK;
 }
 
-static inline void touch(Instance *c) { c->s.stale_outputs = c->s.stale_derivatives = 1; }
+static inline void touch(Instance *c) {
+    c->s.stale_outputs = c->s.stale_derivatives = 1;
+}
 
 /* Outputs and states must be numbers. */
 static inline Status check_finite(Instance *c, const char *when) {
@@ -236,12 +249,14 @@ static inline Status exit_initialization(Instance *c) {
 
 static inline Status get_value(Instance *c, const char *function, unsigned reference, int type, double *value) {
     if (reference >= N_VARIABLES || variables[reference].type != type) {
-        (void)snprintf(c->text, sizeof c->text, "%s: value reference %u is no variable of this type", function, reference);
+        (void)snprintf(c->text, sizeof c->text, "%s: value reference %u is no variable of this type", function,
+                       reference);
         return complain(c, ERROR, c->text);
     }
     const Variable *v = &variables[reference];
     int computed = v->causality == OUTPUT || v->causality == LOCAL || v->causality == STATE;
-    if (computed && (c->s.stale_outputs | c->s.stale_derivatives) && (c->s.phase & (INITIALIZATION | RUNNING | TERMINATED))) {
+    if (computed && (c->s.stale_outputs | c->s.stale_derivatives) &&
+        (c->s.phase & (INITIALIZATION | RUNNING | TERMINATED))) {
         int needs_derivatives = v->causality == LOCAL || v->derivative;
         Status status = refresh(c, needs_derivatives);
         if (status != OK) {
@@ -255,16 +270,21 @@ static inline Status get_value(Instance *c, const char *function, unsigned refer
 /* Phases in which a variable may be set, by causality (INPUT ... LOCAL). */
 static inline int settable_in(int causality) {
     switch (causality) {
-    case INPUT: return INSTANTIATED | INITIALIZATION | RUNNING;
-    case TUNABLE: return INSTANTIATED | INITIALIZATION | STEP | EVENT;
-    case PARAMETER: return INSTANTIATED | INITIALIZATION;
-    default: return 0;
+    case INPUT:
+        return INSTANTIATED | INITIALIZATION | RUNNING;
+    case TUNABLE:
+        return INSTANTIATED | INITIALIZATION | STEP | EVENT;
+    case PARAMETER:
+        return INSTANTIATED | INITIALIZATION;
+    default:
+        return 0;
     }
 }
 
 static inline Status set_value(Instance *c, const char *function, unsigned reference, int type, double value) {
     if (reference >= N_VARIABLES || variables[reference].type != type) {
-        (void)snprintf(c->text, sizeof c->text, "%s: value reference %u is no variable of this type", function, reference);
+        (void)snprintf(c->text, sizeof c->text, "%s: value reference %u is no variable of this type", function,
+                       reference);
         return complain(c, ERROR, c->text);
     }
     const Variable *v = &variables[reference];

@@ -57,12 +57,13 @@ static inline double joint_sign(const Joint *j, double dq) {
 /* True where friction is viscous and algebraic Coulomb only and the actuator and encoder are ideal. */
 static inline int joint_is_plain(const Joint *j) {
     return j->coulomb_form == COULOMB_ALGEBRAIC && j->stribeck == 0 && j->coulomb_asymmetry == 0 &&
-           j->viscous_asymmetry == 0 && j->torque_offset == 0 && j->load_friction == 0 && j->position_friction_sin == 0 && j->position_friction_cos == 0 &&
-           j->position_torque == 0 && j->position_torque_quadratic == 0 && j->position_torque_cubic == 0 &&
-           j->position_torque_sin == 0 && j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0 &&
-           j->hysteresis == 0 && j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 &&
-           j->torque_deadband == 0 && j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 &&
-           j->joint_compliance == 0 && j->backlash == 0;
+           j->viscous_asymmetry == 0 && j->torque_offset == 0 && j->load_friction == 0 &&
+           j->position_friction_sin == 0 && j->position_friction_cos == 0 && j->position_torque == 0 &&
+           j->position_torque_quadratic == 0 && j->position_torque_cubic == 0 && j->position_torque_sin == 0 &&
+           j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0 && j->hysteresis == 0 &&
+           j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 && j->torque_deadband == 0 &&
+           j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 && j->joint_compliance == 0 &&
+           j->backlash == 0;
 }
 
 /* fv dq + fc s (N m) */
@@ -196,7 +197,8 @@ static inline const char *joint_check(const Joint *j, int number, char *text, si
         return text;
     }
     if (!(j->coulomb_form == COULOMB_ALGEBRAIC || j->coulomb_form == COULOMB_TANH)) {
-        (void)snprintf(text, size, "coulomb_form[%d] = %g is neither 0 (algebraic) nor 1 (tanh)", number, j->coulomb_form);
+        (void)snprintf(text, size, "coulomb_form[%d] = %g is neither 0 (algebraic) nor 1 (tanh)", number,
+                       j->coulomb_form);
         return text;
     }
     return NULL;

@@ -1,4 +1,4 @@
-/* A schedule (cosim/schedule.py) as C sees it; cosim/native.py writes this layout for the executor and the kernel. */
+/* A schedule (cosim/wiring/schedule.py) as C sees it; cosim/engine/native.py writes this layout for the executor and the kernel. */
 #ifndef SCHEDULE_H
 #define SCHEDULE_H
 

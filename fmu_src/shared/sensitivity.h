@@ -10,10 +10,14 @@ static inline int is_known(Instance *c, unsigned reference) {
     }
     switch (variables[reference].causality) {
     case INPUT:
-    case TUNABLE: return 1;
-    case PARAMETER: return c->s.phase == INITIALIZATION;
-    case STATE: return c->s.phase != INITIALIZATION;
-    default: return 0;
+    case TUNABLE:
+        return 1;
+    case PARAMETER:
+        return c->s.phase == INITIALIZATION;
+    case STATE:
+        return c->s.phase != INITIALIZATION;
+    default:
+        return 0;
     }
 }
 
@@ -24,8 +28,8 @@ static inline int is_unknown(unsigned reference) {
 }
 
 /* f(v + offset) of every unknown into y */
-static inline Status evaluate_at(Instance *c, unsigned known, double value, const unsigned *unknown, size_t n, double *y,
-                                 double weight) {
+static inline Status evaluate_at(Instance *c, unsigned known, double value, const unsigned *unknown, size_t n,
+                                 double *y, double weight) {
     double *x = values_of(c);
     x[known] = value;
     touch(c);
@@ -37,7 +41,8 @@ static inline Status evaluate_at(Instance *c, unsigned known, double value, cons
 }
 
 /* df/dv = (8 (f(v+h) - f(v-h)) - (f(v+2h) - f(v-2h))) / 12 h, column added to y with weight `seed` */
-static inline Status add_column(Instance *c, unsigned known, double seed, const unsigned *unknown, size_t n, double *y) {
+static inline Status add_column(Instance *c, unsigned known, double seed, const unsigned *unknown, size_t n,
+                                double *y) {
     static const double offsets[] = {1.0, -1.0, 2.0, -2.0};
     static const double weights[] = {8.0, -8.0, -1.0, 1.0};
     double *x = values_of(c);

@@ -22,7 +22,9 @@ static inline uint64_t sum_of(const void *bytes, size_t size) {
     return sum;
 }
 
-static inline size_t serialized_size(void) { return sizeof(Seal) + sizeof(State); }
+static inline size_t serialized_size(void) {
+    return sizeof(Seal) + sizeof(State);
+}
 
 /* *saved: NULL, or a state saved before, which is used again. */
 static inline Status save(Instance *c, void **saved) {

@@ -16,8 +16,8 @@ static inline void move_inputs(Instance *c, const double *at_start, double offse
 
 #if MODEL_CONTINUOUS
 /* k = dx/dt at t_n + offset, states x0 + h k_before */
-static inline void stage(Instance *c, const double *inputs, double start_time, double offset, const double *x0, double h,
-                         const double *before, double *k) {
+static inline void stage(Instance *c, const double *inputs, double start_time, double offset, const double *x0,
+                         double h, const double *before, double *k) {
     double *x = values_of(c);
     if (before) {
         for (int i = 0; i < N_STATES; i++) {

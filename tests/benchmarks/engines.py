@@ -2,9 +2,12 @@
 
     python -m tests.benchmarks.engines [--seconds 20] [--rounds 5] [--only tiny|real]
 
-Jacobi with held inputs and a step of 1 ms, which every engine can do; medians of interleaved rounds and of each round's ratio to
-the hand-written C master, in processor time, so that a busy machine troubles all alike. FMUs are loaded before; what is timed is
-the stepping loop (of our executors: the whole repeated run, start and result included; of libcosim, which steps in threads, all
+Jacobi with held inputs and a step of 1 ms, which every engine can do; medians of interleaved rounds and of each round's
+ratio to
+the hand-written C master, in processor time, so that a busy machine troubles all alike. FMUs are loaded before; what is
+timed is
+the stepping loop (of our executors: the whole repeated run, start and result included; of libcosim, which steps in
+threads, all
 of them). Engines that are not installed are left out (extra `bench`).
 """
 
@@ -23,11 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.execution import execute as in_python
+from cosim.engine.master import run
+from cosim.engine.reference import execute as in_python
 from cosim.export.container import write_container
 from cosim.export.structure import component_fmus, write_ssp
 from cosim.fmu import descriptions, extracted, open_system
-from cosim.master import run
 from cosim.scenario import load_scenario, load_text, with_parameters
 from cosim.wiring import wire
 from tests.benchmarks.tiny import tiny_scenario
@@ -38,7 +41,7 @@ Runner = Callable[[], float]
 """Runs once and returns the seconds that the loop took."""
 
 
-class Case:
+class Workload:
     """A wired system: its FMUs with start values compiled in, and who feeds whom."""
 
     def __init__(self, scenario, folder: Path) -> None:
@@ -49,7 +52,7 @@ class Case:
         self.names = list(scenario.components)
         place = {name: i for i, name in enumerate(self.wiring.signals)}
         source = {str(link.target): place[str(link.source)] for link in self.wiring.links}
-        self.inputs = {n: [v for v in self.wiring.inputs(n)] for n in self.names}
+        self.inputs = {n: list(self.wiring.inputs(n)) for n in self.names}
         self.sources = {n: [source[f"{n}.{v}"] for v in self.inputs[n]] for n in self.names}
         self.outputs = {n: self.wiring.outputs(n) for n in self.names}
 
@@ -58,7 +61,9 @@ class Case:
 
 
 def timed(action: Callable[[], object]) -> float:
-    """Processor seconds of this thread: a busy machine takes time away, not processor time. What the action gives is freed after."""
+    """Processor seconds of this thread: a busy machine takes time away, not processor time. What the action gives is
+    freed after.
+    """
     began = time.thread_time()
     result = action()
     took = time.thread_time() - began
@@ -66,28 +71,32 @@ def timed(action: Callable[[], object]) -> float:
     return took
 
 
-# --- ways to run ----------------------------------------------------------------------------------------------------------
+# --- ways to run ------------------------------------------------------------------------------------------------------
 
 
-def ours(case: Case, executor=None) -> Runner:
+def ours(case: Workload, executor=None) -> Runner:
     system = open_system(case.scenario)
     run(case.scenario, system, executor=executor)
     return lambda: timed(lambda: run(case.scenario, system, executor=executor))
 
 
-def loaded(case: Case, name: str):
+def loaded(case: Workload, name: str):
     """An instance by fmpy, out of initialisation."""
     from fmpy import read_model_description
     from fmpy.fmi2 import FMU2Slave
 
     description = read_model_description(str(case.fmus[name]), validate=False)
-    fmu = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier, instanceName=name,
-                    unzipDirectory=str(extracted(case.fmus[name])))  # fmt: skip
+    fmu = FMU2Slave(
+        guid=description.guid,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName=name,
+        unzipDirectory=str(extracted(case.fmus[name])),
+    )
     fmu.instantiate()
     return fmu
 
 
-def initialised(case: Case):
+def initialised(case: Workload):
     fmus = {name: loaded(case, name) for name in case.names}
     return fmus, partial(_restart, fmus)
 
@@ -100,7 +109,7 @@ def _restart(fmus) -> None:
         fmu.exitInitializationMode()
 
 
-def fmpy_lists(case: Case) -> Runner:
+def fmpy_lists(case: Workload) -> Runner:
     """The straightforward loop: one setReal, doStep, getReal with lists per FMU and step."""
     fmus, restart = initialised(case)
     ins = {n: [case.reference(n, v) for v in case.inputs[n]] for n in case.names}
@@ -123,11 +132,18 @@ def fmpy_lists(case: Case) -> Runner:
     return shortened(case, loop)
 
 
-def fmpy_variables(case: Case) -> Runner:
+def fmpy_variables(case: Workload) -> Runner:
     """One getReal and one setReal call per connection, and one getReal per kept signal that none reads."""
     fmus, restart = initialised(case)
-    links = [(link.source.component, case.reference(link.source.component, link.source.variable), link.target.component,
-              case.reference(link.target.component, link.target.variable)) for link in case.wiring.links]  # fmt: skip
+    links = [
+        (
+            link.source.component,
+            case.reference(link.source.component, link.source.variable),
+            link.target.component,
+            case.reference(link.target.component, link.target.variable),
+        )
+        for link in case.wiring.links
+    ]
     read = {(n, r) for n, r, _, _ in links}
     others = [(n, r) for n in case.names for v in case.outputs[n] if (n, r := case.reference(n, v)) not in read]
 
@@ -150,13 +166,13 @@ def fmpy_variables(case: Case) -> Runner:
     return shortened(case, loop)
 
 
-def shortened(case: Case, loop) -> Runner:
+def shortened(case: Workload, loop) -> Runner:
     """A slow loop measured over a tenth of the steps."""
     steps = max(1, case.steps // 10)
     return lambda: loop(steps) * case.steps / steps
 
 
-def c_master(case: Case) -> Runner:
+def c_master(case: Workload) -> Runner:
     """tests/benchmarks/master.c: loads the same FMUs by itself and keeps the same signals."""
     from fmpy import read_model_description
 
@@ -172,7 +188,7 @@ def c_master(case: Case) -> Runner:
 
     def lists(kind, values):
         kept.extend((kind * max(1, len(v)))(*v) for v in values)
-        kept.append((ctypes.c_void_p * len(values))(*[ctypes.addressof(a) for a in kept[-len(values):]]))
+        kept.append((ctypes.c_void_p * len(values))(*[ctypes.addressof(a) for a in kept[-len(values) :]]))
         return kept[-1]
 
     def sizes(values):
@@ -182,13 +198,20 @@ def c_master(case: Case) -> Runner:
     outs = {n: [case.reference(n, v) for v in case.outputs[n]] for n in case.names}
     identifier = {n: found[n].coSimulation.modelIdentifier for n in case.names}
     arguments = (
-        len(case.names), texts(folders[n] / "binaries" / "linux64" / f"{identifier[n]}.so" for n in case.names),
-        texts(found[n].guid for n in case.names), texts(case.names),
-        texts(f"file://{folders[n]}/resources" for n in case.names), sizes([len(refs[n]) for n in case.names]),
-        lists(ctypes.c_uint, [refs[n] for n in case.names]), lists(ctypes.c_int64, [case.sources[n] for n in case.names]),
-        sizes([len(outs[n]) for n in case.names]), lists(ctypes.c_uint, [outs[n] for n in case.names]),
-        ctypes.c_int64(len(case.wiring.signals)), ctypes.c_int64(case.steps), ctypes.c_double(1e-3),
-    )  # fmt: skip
+        len(case.names),
+        texts(folders[n] / "binaries" / "linux64" / f"{identifier[n]}.so" for n in case.names),
+        texts(found[n].guid for n in case.names),
+        texts(case.names),
+        texts(f"file://{folders[n]}/resources" for n in case.names),
+        sizes([len(refs[n]) for n in case.names]),
+        lists(ctypes.c_uint, [refs[n] for n in case.names]),
+        lists(ctypes.c_int64, [case.sources[n] for n in case.names]),
+        sizes([len(outs[n]) for n in case.names]),
+        lists(ctypes.c_uint, [outs[n] for n in case.names]),
+        ctypes.c_int64(len(case.wiring.signals)),
+        ctypes.c_int64(case.steps),
+        ctypes.c_double(1e-3),
+    )
 
     def once() -> float:
         assert kept  # what C points to
@@ -206,12 +229,19 @@ def compiled(name: str, folder: Path) -> ctypes.CDLL:
     from build_fmus.compiler import find_compiler
 
     library = folder / f"{name}.so"
-    command = ["cc"] if subprocess.run(["which", "cc"], capture_output=True).returncode == 0 else list(find_compiler().command)
-    subprocess.run([*command, "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-o", str(library), str(HERE / f"{name}.c"), "-ldl"], check=True)
+    command = (
+        ["cc"]
+        if subprocess.run(["which", "cc"], capture_output=True).returncode == 0
+        else list(find_compiler().command)
+    )
+    subprocess.run(
+        [*command, "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-o", str(library), str(HERE / f"{name}.c"), "-ldl"],
+        check=True,
+    )
     return ctypes.CDLL(str(library))
 
 
-def container(case: Case) -> Runner:
+def container(case: Workload) -> Runner:
     """fmpy's container of the same FMUs, stepped by our compiled loop."""
     path = write_container(case.wiring, case.folder / "container.fmu")
     scenario = load_text(f"""
@@ -252,7 +282,7 @@ with EcosSimulation(ssp_path=sys.argv[1], step_size=1e-3) as simulation:
 """
 
 
-def elsewhere(case: Case, script: str, path: Path) -> Runner:
+def elsewhere(case: Workload, script: str, path: Path) -> Runner:
     """A tenth of the steps by another engine in a process of its own, nothing kept of the signals."""
     steps = max(1, case.steps // 10)
 
@@ -265,7 +295,7 @@ def elsewhere(case: Case, script: str, path: Path) -> Runner:
     return once
 
 
-def libcosim(case: Case) -> Runner:
+def libcosim(case: Workload) -> Runner:
     import zipfile
 
     folder = case.folder / "libcosim"
@@ -273,11 +303,11 @@ def libcosim(case: Case) -> Runner:
     return elsewhere(case, _LIBCOSIM, folder)
 
 
-def ecos(case: Case) -> Runner:
+def ecos(case: Workload) -> Runner:
     return elsewhere(case, _ECOS, write_ssp(case.wiring, case.folder / "ecos.ssp"))
 
 
-def monolith(case: Case) -> Runner:
+def monolith(case: Workload) -> Runner:
     library = compiled("monolith", case.folder)
 
     def once() -> float:
@@ -288,7 +318,7 @@ def monolith(case: Case) -> Runner:
     return once
 
 
-def one_lane(case: Case) -> Runner:
+def one_lane(case: Workload) -> Runner:
     """Our batch kernel compiled for one scenario: the same physics without FMI."""
     from build_fmus.library import library_path
     from cosim.sweep import kernel
@@ -300,7 +330,9 @@ def one_lane(case: Case) -> Runner:
         kernel._library = lambda: library
         try:
             began = time.process_time()  # it runs in a thread of its own
-            kernel.run_batch([case.wiring], [f"{arm}.{name}" for arm in ("arm_l", "arm_r") for name in ("q", "dq", "x")])
+            kernel.run_batch(
+                [case.wiring], [f"{arm}.{name}" for arm in ("arm_l", "arm_r") for name in ("q", "dq", "x")]
+            )
             return time.process_time() - began
         finally:
             kernel._library = usual
@@ -328,7 +360,7 @@ def _tiny_loop(steps: int, h: float, arm) -> np.ndarray:
     return table
 
 
-def with_scipy(case: Case) -> Runner:
+def with_scipy(case: Workload) -> Runner:
     """scipy's LSODA over each step, the rest in Python."""
     from scipy.integrate import odeint
 
@@ -349,9 +381,9 @@ print(numba_seconds(int(sys.argv[2])))
 """
 
 
-def with_numba(case: Case) -> Runner:
+def with_numba(case: Workload) -> Runner:
     """The same loop compiled by numba, Runge-Kutta 4, in a process of its own."""
-    return elsewhere(case, _NUMBA, Path("."))
+    return elsewhere(case, _NUMBA, Path())
 
 
 def numba_seconds(steps: int) -> float:
@@ -377,12 +409,16 @@ def numba_seconds(steps: int) -> float:
     return timed(lambda: loop(steps, 1e-3, arm))
 
 
-ENGINES: dict[str, Callable[[Case], Runner]] = {
-    "hand-written C master (dlopen)": c_master, "ours, compiled (default)": ours,
-    "ours, Python executor": lambda case: ours(case, in_python), "fmpy, one get and set per FMU": fmpy_lists,
-    "fmpy, one call per variable": fmpy_variables, "container FMU in our compiled loop": container, "libcosim": libcosim,
+ENGINES: dict[str, Callable[[Workload], Runner]] = {
+    "hand-written C master (dlopen)": c_master,
+    "ours, compiled (default)": ours,
+    "ours, Python executor": lambda case: ours(case, in_python),
+    "fmpy, one get and set per FMU": fmpy_lists,
+    "fmpy, one call per variable": fmpy_variables,
+    "container FMU in our compiled loop": container,
+    "libcosim": libcosim,
     "Ecos": ecos,
-}  # fmt: skip
+}
 WITHOUT_FMI = {
     "tiny": {"monolithic C": monolith, "scipy odeint over each step": with_scipy, "numba": with_numba},
     "real": {"kernel, one lane (monolithic C)": one_lane},
@@ -391,13 +427,18 @@ WITHOUT_FMI = {
 
 def cases(which: str, seconds: float, folder: Path):
     if which == "tiny":
-        return Case(tiny_scenario(seconds), folder)
-    values = {"experiment.stop": seconds, "experiment.algorithm": "jacobi", "experiment.extrapolation": "hold",
-              "experiment.record_every": 1, "experiment.fmi": 2}  # fmt: skip
-    return Case(with_parameters(load_scenario("sallam-stable"), values), folder)
+        return Workload(tiny_scenario(seconds), folder)
+    values = {
+        "experiment.stop": seconds,
+        "experiment.algorithm": "jacobi",
+        "experiment.extrapolation": "hold",
+        "experiment.record_every": 1,
+        "experiment.fmi": 2,
+    }
+    return Workload(with_parameters(load_scenario("sallam-stable"), values), folder)
 
 
-def measure(case: Case, engines: dict[str, Callable[[Case], Runner]], rounds: int) -> dict[str, list[float]]:
+def measure(case: Workload, engines: dict[str, Callable[[Workload], Runner]], rounds: int) -> dict[str, list[float]]:
     """Microseconds per communication step, each round of each engine."""
     runners: dict[str, Runner] = {}
     for name, engine in engines.items():
@@ -434,8 +475,18 @@ def machine() -> str:
     """Date, processor, cores, Python and load, as the page has them."""
     model = "unknown processor"
     if Path("/proc/cpuinfo").exists():
-        model = next((line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line), model)
-    return f"{time.strftime('%Y-%m-%d')}, {model}, {os.cpu_count()} cores, Python {platform.python_version()}, load {os.getloadavg()[0]:.1f}"
+        model = next(
+            (
+                line.split(":")[1].strip()
+                for line in Path("/proc/cpuinfo").read_text().splitlines()
+                if "model name" in line
+            ),
+            model,
+        )
+    return (
+        f"{time.strftime('%Y-%m-%d')}, {model}, {os.cpu_count()} cores, Python "
+        f"{platform.python_version()}, load {os.getloadavg()[0]:.1f}"
+    )
 
 
 def main() -> None:
@@ -443,14 +494,26 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="simulated time")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--only", choices=["tiny", "real"])
-    parser.add_argument("--ways", nargs="+", default=[""], help='those whose names hold one of these words, such as "C master" "ours, compiled"')
+    parser.add_argument(
+        "--ways",
+        nargs="+",
+        default=[""],
+        help='those whose names hold one of these words, such as "C master" "ours, compiled"',
+    )
     arguments = parser.parse_args()
     print(f"{machine()}, `--rounds {arguments.rounds}`")
     for which in [arguments.only] if arguments.only else ["tiny", "real"]:
         with tempfile.TemporaryDirectory(prefix="cosim-bench-") as folder:
             case = cases(which, arguments.seconds, Path(folder))
-            title = f"{which} FMUs: {len(case.names)} FMUs, {len(case.wiring.links)} connections, {len(case.wiring.signals)} signals kept"
-            ways = {name: way for name, way in (ENGINES | WITHOUT_FMI[which]).items() if any(words in name for words in arguments.ways)}
+            title = (
+                f"{which} FMUs: {len(case.names)} FMUs, {len(case.wiring.links)} "
+                f"connections, {len(case.wiring.signals)} signals kept"
+            )
+            ways = {
+                name: way
+                for name, way in (ENGINES | WITHOUT_FMI[which]).items()
+                if any(words in name for words in arguments.ways)
+            }
             print(report(title, measure(case, ways, arguments.rounds)), flush=True)
     os._exit(0)  # fmpy's instances are freed in no good order at the end of a process
 

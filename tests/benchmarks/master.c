@@ -1,6 +1,6 @@
 /* A hand-written C master for FMI 2.0, as one would write it for this one purpose: loads the FMUs with dlopen, carries the
  * connections over (Jacobi, held inputs), steps every FMU, keeps all outputs of every step. The yardstick of
- * cosim/compiled.py. Only the loop is timed. */
+ * cosim/engine/compiled.py. Only the loop is timed. */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
 #include <stdarg.h>
@@ -25,19 +25,18 @@ typedef struct {
     int (*step)(void *, double, double, int);
 } Fmu;
 
-static void logger(void *e, const char *name, int status, const char *category, const char *text, ...)
-{
+static void logger(void *e, const char *name, int status, const char *category, const char *text, ...) {
     (void)e, (void)category;
     if (status > 1) fprintf(stderr, "%s: %s\n", name, text);
 }
 
 static const Callbacks CALLBACKS = {logger, calloc, free, NULL, NULL};
 
-static int load(Fmu *f, const char *path, const char *guid, const char *name, const char *resources)
-{
+static int load(Fmu *f, const char *path, const char *guid, const char *name, const char *resources) {
     void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     if (!library) return fprintf(stderr, "%s\n", dlerror()), 1;
-    void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) = dlsym(library, "fmi2Instantiate");
+    void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) =
+        dlsym(library, "fmi2Instantiate");
     int (*setup)(void *, int, double, double, int, double) = dlsym(library, "fmi2SetupExperiment");
     int (*enter)(void *) = dlsym(library, "fmi2EnterInitializationMode");
     f->set = dlsym(library, "fmi2SetReal");
@@ -49,10 +48,9 @@ static int load(Fmu *f, const char *path, const char *guid, const char *name, co
 
 /* n FMUs: paths, guids, names, resources; inputs of FMU i: in_refs[i], in_from[i] (places among all outputs), n_in[i]; outputs
  * out_refs[i], n_out[i]; table [steps + 1][outputs]. Seconds of the loop, negative where something fails. */
-double run(int n, const char **paths, const char **guids, const char **names, const char **resources, const int64_t *n_in,
-           const unsigned **in_refs, const int64_t **in_from, const int64_t *n_out, const unsigned **out_refs, int64_t outputs,
-           int64_t steps, double h, double *table)
-{
+double run(int n, const char **paths, const char **guids, const char **names, const char **resources,
+           const int64_t *n_in, const unsigned **in_refs, const int64_t **in_from, const int64_t *n_out,
+           const unsigned **out_refs, int64_t outputs, int64_t steps, double h, double *table) {
     Fmu fmu[64];
     double store[1024], in[512];
     struct timespec begin, end;

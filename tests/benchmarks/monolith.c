@@ -7,16 +7,14 @@ typedef struct {
     double f[3], x[2][6], tau[2][3], y[2][3], ring[2][50][3];
 } All;
 
-static void rates(const double *s, const double *f, const double *tau, double *d)
-{
+static void rates(const double *s, const double *f, const double *tau, double *d) {
     for (int i = 0; i < 3; i++) {
         d[i] = s[3 + i];
         d[3 + i] = ((f ? f[i] : 0.0) + tau[i] - 0.2 * s[3 + i]) / 0.1;
     }
 }
 
-static void arm(double *x, const double *f, const double *tau, double h)
-{
+static void arm(double *x, const double *f, const double *tau, double h) {
     double k1[6], k2[6], k3[6], k4[6], s[6];
     rates(x, f, tau, k1);
     for (int i = 0; i < 6; i++) s[i] = x[i] + 0.5 * h * k1[i];
@@ -28,16 +26,14 @@ static void arm(double *x, const double *f, const double *tau, double h)
     for (int i = 0; i < 6; i++) x[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
-static void keep(const All *a, double *row)
-{
+static void keep(const All *a, double *row) {
     memcpy(row, a->f, 24);
     memcpy(row + 3, a->x, 96);
     memcpy(row + 15, a->tau, 48);
     memcpy(row + 21, a->y, 48);
 }
 
-void run(int64_t steps, double h, double *table)
-{
+void run(int64_t steps, double h, double *table) {
     All a;
     memset(&a, 0, sizeof a);
     a.f[0] = 1.0, a.f[1] = 0.5;

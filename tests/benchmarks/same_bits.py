@@ -2,8 +2,10 @@
 
     python -m tests.benchmarks.same_bits OLD/.venv/bin/cosim NEW/.venv/bin/cosim [--only TEXT]
 
-Every shipped scenario (SHA-256 of the time and of every signal of result.h5), `close-loop` on five recordings (SHA-256 of all
-numbers of closure.json) and three sweeps (SHA-256 of the columns of sweep.h5). Both versions are called through their command
+Every shipped scenario (SHA-256 of the time and of every signal of result.h5), `close-loop` on five recordings (SHA-256
+of all
+numbers of closure.json) and three sweeps (SHA-256 of the columns of sweep.h5). Both versions are called through their
+command
 line, one after the other, on the same inputs. Exit code 1 where anything differs. About 15 minutes on two cores.
 """
 
@@ -19,7 +21,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-DATA = Path(__file__).parents[1] / "data"
+from tests.support.paths import DATA
+
 SWEEPS = ("gain-ladder", "parameter-sets", "unit-readings")
 TIMES = {"wall_time"}  # keys of closure.json that tell of the moment, not of the result
 
@@ -29,7 +32,9 @@ def main() -> int:
     parser.add_argument("old", type=Path, help="`cosim` of the version before")
     parser.add_argument("new", type=Path, help="`cosim` of the version after")
     parser.add_argument("--only", default="", help="what contains this text")
-    parser.add_argument("--store", type=Path, help="JSON file with the digests of OLD: written where it is missing, else read")
+    parser.add_argument(
+        "--store", type=Path, help="JSON file with the digests of OLD: written where it is missing, else read"
+    )
     options = parser.parse_args()
     known = json.loads(options.store.read_text()) if options.store and options.store.is_file() else {}
     different = 0
@@ -57,7 +62,10 @@ def jobs(cosim: Path, folder: Path) -> Iterator[tuple[str, object]]:
     call(cosim, "run", "identification", "--no-report", "--out", str(folder / "identification"))
     (folder / "identification" / "result.h5").rename(motion)
     for name, files in recordings(motion).items():
-        yield f"close-loop {name}", lambda program, out, n=name, f=files: closure_digest(program, f, out / f"closure-{n}")
+        yield (
+            f"close-loop {name}",
+            lambda program, out, n=name, f=files: closure_digest(program, f, out / f"closure-{n}"),
+        )
     for sweep in SWEEPS:
         yield f"sweep {sweep}", lambda program, out, s=sweep: sweep_digest(program, s, out / f"sweep-{s}")
 
@@ -74,7 +82,9 @@ def is_scenario(cosim: Path, name: str) -> bool:
 
 
 def recordings(motion: Path) -> dict[str, list[str]]:
-    """Arguments of close-loop for five recordings: three of other people's robots, one of them split, and a simulated one."""
+    """Arguments of close-loop for five recordings: three of other people's robots, one of them split, and a simulated
+    one.
+    """
     cable, pendulum = DATA / "mis_tool_cable", DATA / "dfki_pendulum_1dof"
     about = {name: str(folder / f"{folder.name}.toml") for name, folder in (("cable", cable), ("pendulum", pendulum))}
     left = [str(cable / f"Tool_4_Maryland_L_2_{run}.csv") for run in ("20", "23", "41")]

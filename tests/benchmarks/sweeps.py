@@ -1,4 +1,5 @@
-"""What sweeps cost: kernel against the fmpy loop, a second core, a map by brute force, a traced boundary, start-up, commands.
+"""What sweeps cost: kernel against the fmpy loop, a second core, a map by brute force, a traced boundary, start-up,
+commands.
 
     python -m tests.benchmarks.sweeps [--quick]
 
@@ -18,21 +19,24 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.engine.master import run
 from cosim.fmu import open_system
-from cosim.judging import twin_of
-from cosim.master import run
 from cosim.scenario import load_scenario, with_parameters
+from cosim.stability.twin import twin_of
 from cosim.stability.verdict import judge
 from cosim.sweep import kernel
-from cosim.sweep.evaluate import EVALUATORS, _Seat, _signals
-from cosim.sweep.points import Finding, Point
+from cosim.sweep.evaluate import EVALUATORS, _signals, _WiredPoint
+from cosim.sweep.points import Point, PointResult
 from cosim.sweep.pool import LocalPool, Task
-from tests.benchmarks.engines import Case, figure, fmpy_lists, machine, timed
+from tests.benchmarks.engines import Workload, figure, fmpy_lists, machine, timed
 
 PAPER = {
-    "experiment.stop": 20.0, "arm_*.q_start": [0.0, 0.0, 0.0], "operator.amplitude": 0.0,
-    "arm_l.dq_start": [0.01, 0.01, 0.01], "arm_r.dq_start": [-0.01, -0.01, -0.01],
-}  # fmt: skip
+    "experiment.stop": 20.0,
+    "arm_*.q_start": [0.0, 0.0, 0.0],
+    "operator.amplitude": 0.0,
+    "arm_l.dq_start": [0.01, 0.01, 0.01],
+    "arm_r.dq_start": [-0.01, -0.01, -0.01],
+}
 SPEC = """
 format = 1
 title = "benchmark"
@@ -65,7 +69,9 @@ high = 0.8
 def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
     """Milliseconds of processor time of the parts of a sweep's point, and of the fmpy loop on the same scenario."""
     base = with_parameters(load_scenario("sallam-nodelay"), PAPER)
-    loop = fmpy_lists(Case(with_parameters(base, {"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold"}), folder))
+    loop = fmpy_lists(
+        Workload(with_parameters(base, {"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold"}), folder)
+    )
     found: dict[str, list[float]] = {}
     with open_system(base) as system:
         wirings = [system.wiring(with_parameters(base, dict(p.values))) for p in places(kernel.lanes())]
@@ -73,7 +79,10 @@ def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
         twins = kernel.run_batch([system.wiring(twin_of(w)) for w in wirings], record)
         run(base, system)
         for _ in range(rounds):
-            note = lambda name, seconds: found.setdefault(name, []).append(1e3 * seconds)  # noqa: E731
+
+            def note(name, seconds):
+                return found.setdefault(name, []).append(1e3 * seconds)
+
             note("fmpy loop, one get and set per FMU", loop())
             note("compiled co-simulation", timed(lambda: run(base, system, record=record)))
             began = time.process_time()
@@ -90,31 +99,38 @@ def places(count: int) -> list[Point]:
     """Points of the map, gain and delay different in each."""
     rng = np.random.default_rng(1)
     gains, delays = np.linspace(0.1, 1.0, count), rng.permutation(np.linspace(0.05, 0.8, count))
-    return [Point((), (("controller_*.stiffness", float(k)), ("channel_*.delay_mean", float(d)))) for k, d in zip(gains, delays)]
+    return [
+        Point((), (("controller_*.stiffness", float(k)), ("channel_*.delay_mean", float(d))))
+        for k, d in zip(gains, delays)
+    ]
 
 
-def batch(task: Task, points: Sequence[Point]) -> list[Finding]:
+def batch(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """An evaluator that runs the kernel alone."""
-    seats = [_Seat.of(task, point).wiring for point in points]
-    return [Finding(result.outcome.value) for result in kernel.run_batch(seats, _signals(seats[0]))]
+    wired = [_WiredPoint.of(task, point).wiring for point in points]
+    return [PointResult(result.outcome.value) for result in kernel.run_batch(wired, _signals(wired[0]))]
 
 
 def cores(evaluator: str, rounds: int) -> float:
-    """How many times the points a second that two worker processes do of what one does, by the clock, shortest rounds of each."""
+    """How many times the points a second that two worker processes do of what one does, by the clock, shortest rounds
+    of each.
+    """
     task, points = Task(evaluator, "sallam-nodelay", PAPER), places(12 * kernel.lanes())
     with LocalPool(1) as one, LocalPool(2) as two:
         walls: dict[LocalPool, list[float]] = {one: [], two: []}
         for _ in range(rounds):
-            for staff, some in walls.items():
+            for workers, some in walls.items():
                 began = time.perf_counter()
-                for _ in staff.answers(task, points, kernel.lanes()):
+                for _ in workers.answers(task, points, kernel.lanes()):
                     pass
                 some.append(time.perf_counter() - began)
     return min(walls[one]) / min(walls[two])
 
 
 def command(*words: str) -> tuple[float, float]:
-    """Wall-clock and processor seconds of a command, its workers included; it may keep compiled Python files, as installed it has them."""
+    """Wall-clock and processor seconds of a command, its workers included; it may keep compiled Python files, as
+    installed it has them.
+    """
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run([sys.executable, "-m", "cosim", *words], check=True, capture_output=True, env=environment)
@@ -123,22 +139,33 @@ def command(*words: str) -> tuple[float, float]:
 
 
 def repeated(count: int, folder: Path, *words: str) -> tuple[float, float, float, float]:
-    """Wall-clock seconds of a command, median, least and most of `count` runs after a first one, and median processor seconds.
+    """Wall-clock seconds of a command, median, least and most of `count` runs after a first one, and median processor
+    seconds.
 
     {out} among the words is a folder of each run's own.
     """
-    runs = [command(*(word.format(out=folder / f"{words[0]}-{k}-{time.monotonic_ns()}") for word in words)) for k in range(count + 1)][1:]
+    runs = [
+        command(*(word.format(out=folder / f"{words[0]}-{k}-{time.monotonic_ns()}") for word in words))
+        for k in range(count + 1)
+    ][1:]
     wall, processor = zip(*runs)
     return statistics.median(wall), min(wall), max(wall), statistics.median(processor)
 
 
 def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, float]]:
     (folder / "map.toml").write_text(SPEC.format(count=f"count = {count}", design="[grid]"))
-    (folder / "traced.toml").write_text(SPEC.format(count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'))
+    (folder / "traced.toml").write_text(
+        SPEC.format(count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6')
+    )
     swept = ("--workers", "2", "--no-report", "--out", "{out}")
     return [
         ("cosim --help", *repeated(9, folder, "--help")),
-        ("cosim run, 20 s, no report", *repeated(9, folder, "run", "sallam-stable", "--set", "experiment.stop=20", "--no-report", "--out", "{out}")),
+        (
+            "cosim run, 20 s, no report",
+            *repeated(
+                9, folder, "run", "sallam-stable", "--set", "experiment.stop=20", "--no-report", "--out", "{out}"
+            ),
+        ),
         ("boundary traced, two workers", *repeated(15, folder, "sweep", str(folder / "traced.toml"), *swept)),
         (f"map {count} x {count}, two workers", *repeated(3, folder, "sweep", str(folder / "map.toml"), *swept)),
     ]
@@ -156,7 +183,10 @@ def main() -> None:
         for part, value in rows:
             print(f"| {part} | {figure(value)} | {figure(loop / value)} |")
         print("\n| points a second, two worker processes against one | times |\n|---|---|")
-        for what, evaluator in (("kernel alone", "tests.benchmarks.sweeps:batch"), ("kernel, twin, verdict", EVALUATORS["simulation"])):
+        for what, evaluator in (
+            ("kernel alone", "tests.benchmarks.sweeps:batch"),
+            ("kernel, twin, verdict", EVALUATORS["simulation"]),
+        ):
             print(f"| {what} | {figure(cores(evaluator, 3 if quick else 12))} |", flush=True)
         print("\n| command | wall-clock s, median | least | most | processor s |\n|---|---|---|---|---|", flush=True)
         for words, *figures in commands(Path(name), 20 if quick else 50):

@@ -1,21 +1,25 @@
-"""Six FMUs of a few operations each (operator, two arms, controller, two channels), so that the master's own cost shows."""
+"""Six FMUs of a few operations each (operator, two arms, controller, two channels), so that the master's own cost
+shows.
+"""
 
 from pathlib import Path
 
-from build_fmus.build import Job, build
+from build_fmus.build import BuildJob, build
 from build_fmus.compiler import this_platform
-from build_fmus.table import Experiment, Head, Private, Table, Variable
+from build_fmus.table import DefaultExperiment, Head, ModelTable, ModelVariable, Private
 from cosim.scenario import Scenario, load_text
 
-_STEPS = Variable("internal_steps", "parameter", "Runge-Kutta steps", type="Integer", start=1.0, min=1.0, max=100.0)
+_STEPS = ModelVariable(
+    "internal_steps", "parameter", "Runge-Kutta steps", type="Integer", start=1.0, min=1.0, max=100.0
+)
 
 
 def _in(name, unit):
-    return Variable(name, "input", name, 3, unit=unit)
+    return ModelVariable(name, "input", name, 3, unit=unit)
 
 
 def _out(name, unit, **more):
-    return Variable(name, "output", name, 3, unit=unit, **more)
+    return ModelVariable(name, "output", name, 3, unit=unit, **more)
 
 
 MODELS = {
@@ -23,17 +27,24 @@ MODELS = {
         "sampled",
         [_out("f", "N")],
         [],
-        "static void push(Model *m, double t) { m->f[0] = t < 1.0 ? 1.0 : 0.0; m->f[1] = 0.5 * m->f[0]; m->f[2] = t; }\n"
+        "static void push(Model *m, double t) { m->f[0] = t < 1.0 ? 1.0 : "
+        "0.0; m->f[1] = 0.5 * m->f[0]; m->f[2] = t; }\n"
         "static const char *start(Model *m) { push(m, m->origin); return NULL; }\n"
         "static const char *sample(Model *m, double t) { push(m, t); return NULL; }\n"
         "static void outputs(Model *m, double t) { (void)m; (void)t; }\n",
     ),
     "TinyArm": (
         "continuous",
-        [_in("f", "N"), _in("tau", "N"), _out("x", "m", feedthrough=[]), _out("dx", "m/s", feedthrough=[]),
-         Variable("q", "state", "position", 3, unit="m", derivative="dq", start=0.0),
-         Variable("dq", "state", "velocity", 3, unit="m/s", derivative="ddq", start=0.0),
-         Variable("ddq", "local", "acceleration", 3, unit="m/s2"), _STEPS],
+        [
+            _in("f", "N"),
+            _in("tau", "N"),
+            _out("x", "m", feedthrough=[]),
+            _out("dx", "m/s", feedthrough=[]),
+            ModelVariable("q", "state", "position", 3, unit="m", derivative="dq", start=0.0),
+            ModelVariable("dq", "state", "velocity", 3, unit="m/s", derivative="ddq", start=0.0),
+            ModelVariable("ddq", "local", "acceleration", 3, unit="m/s2"),
+            _STEPS,
+        ],
         [],
         "static const char *start(Model *m) { (void)m; return NULL; }\n"
         "static void derivatives(Model *m, double t) { (void)t; for (int i = 0; i < 3; i++)"
@@ -44,8 +55,16 @@ MODELS = {
     ),
     "TinyController": (
         "sampled",
-        [_in("x_l", "m"), _in("dx_l", "m/s"), _in("x_r", "m"), _in("dx_r", "m/s"), _in("far_l", "m"), _in("far_r", "m"),
-         _out("f_l", "N"), _out("f_r", "N")],
+        [
+            _in("x_l", "m"),
+            _in("dx_l", "m/s"),
+            _in("x_r", "m"),
+            _in("dx_r", "m/s"),
+            _in("far_l", "m"),
+            _in("far_r", "m"),
+            _out("f_l", "N"),
+            _out("f_r", "N"),
+        ],
         [],
         "static const char *start(Model *m) { (void)m; return NULL; }\n"
         "static const char *sample(Model *m, double t) { (void)t; for (int i = 0; i < 3; i++) {"
@@ -63,9 +82,15 @@ MODELS = {
         " m->head = m->head < 49.0 ? m->head + 1.0 : 0.0; return NULL; }\n"
         "static void outputs(Model *m, double t) { (void)m; (void)t; }\n",
     ),
-}  # fmt: skip
-PARTS = {"operator": "TinyOperator", "arm_l": "TinyArm", "arm_r": "TinyArm", "controller": "TinyController",
-         "channel_lr": "TinyChannel", "channel_rl": "TinyChannel"}  # fmt: skip
+}
+PARTS = {
+    "operator": "TinyOperator",
+    "arm_l": "TinyArm",
+    "arm_r": "TinyArm",
+    "controller": "TinyController",
+    "channel_lr": "TinyChannel",
+    "channel_rl": "TinyChannel",
+}
 LINKS = """operator.f -> arm_l.f, arm_l.x -> channel_lr.u, arm_r.x -> channel_rl.u, channel_lr.y -> controller.far_l,
     channel_rl.y -> controller.far_r, arm_l.x -> controller.x_l, arm_l.dx -> controller.dx_l, arm_r.x -> controller.x_r,
     arm_r.dx -> controller.dx_r, controller.f_l -> arm_l.tau, controller.f_r -> arm_r.tau"""
@@ -73,9 +98,11 @@ LINKS = """operator.f -> arm_l.f, arm_l.x -> channel_lr.u, arm_r.x -> channel_rl
 
 def tiny_fmu(name: str, fmi: int = 2) -> Path:
     kind, variables, privates, source = MODELS[name]
-    table = Table(Head(name, "a tiny model for benchmarks", kind), Experiment(1.0, 0.001), variables, privates)
+    table = ModelTable(
+        Head(name, "a tiny model for benchmarks", kind), DefaultExperiment(1.0, 0.001), variables, privates
+    )
     extra = {"model.c": source.encode(), "README.md": f"# {name}\n".encode()}
-    return build(Job(table, fmi, (this_platform(),), extra))
+    return build(BuildJob(table, fmi, (this_platform(),), extra))
 
 
 def tiny_scenario(seconds: float, fmi: int = 2) -> Scenario:

@@ -1,0 +1,219 @@
+"""The answer as closure.json has it, with evidence, and in a sentence or two."""
+
+import math
+
+import numpy as np
+
+from cosim.closure.closure import Closure
+from cosim.closure.score.dependence import Leftover
+from cosim.closure.score.evidence import EffectEvidence
+from cosim.closure.verdict import Answer, NamedEffect
+
+
+def answer(closure: Closure) -> dict:
+    """The whole answer as plain data for JSON."""
+    verdict = closure.verdict
+    return {
+        "verdict": verdict.answer.value,
+        "effects": [*map(_finding, verdict.findings), *_unknown(closure)],
+        "torque_error": _torque(closure),
+        "replay_error": _replay(closure),
+        "warnings": list(closure.warnings),
+        "device": closure.recording.device,
+        "joints": list(closure.recording.joints),
+        "withdrawn": [{"name": f.name, "joints": list(f.joints), "reason": why} for f, why in verdict.withdrawn],
+        "candidates": _candidates(closure),
+        "untestable": _untestable(closure),
+        "model": {"before": closure.values_before, "after": closure.values_after},
+        "files": list(closure.recording.files),
+    }
+
+
+def evidence(e: EffectEvidence) -> dict:
+    """Numbers that carry a claim."""
+    return {
+        "p_value": e.p,
+        "squared_error_removed": {"fitted_blocks": e.gain_fit, "held_out_blocks": e.gain_held},
+        "standard_errors": {"fitted_blocks": e.t_fit, "held_out_blocks": e.t_held},
+        "share_of_torque": e.size,
+    }
+
+
+def _finding(found: NamedEffect) -> dict:
+    return {
+        "name": found.name,
+        "joints": list(found.joints),
+        "parameters": dict(found.parameters),
+        "interval": {name: list(pair) for name, pair in found.interval.items()},
+        "effective": effective(found),
+        "indistinguishable_from": list(found.aliases),
+        "separated_by": found.separated_by,
+        "evidence": evidence(found.evidence)
+        | {
+            "equation": found.effect.equation,
+            "source": found.effect.source,
+            "earlier_pass": found.earlier,
+            "also_close": [name for name in found.alike if name not in found.aliases],
+            "rivals": [
+                {
+                    "name": r.evidence.name,
+                    "joints": [j + 1 for j in r.evidence.joints],
+                    "worse_by_standard_errors": _number(r.worse),
+                }
+                for r in found.rivals[:6]
+            ],
+        },
+    }
+
+
+def effective(found: NamedEffect) -> list[str]:
+    """Parameters that hold more than their name says: smoothed motion hides how a link bounces between the sides of a
+    gap.
+    """
+    return [
+        name
+        for name in found.parameters
+        if found.name == "backlash" and name.startswith(("joint_compliance", "joint_damping"))
+    ]
+
+
+def _unknown(closure: Closure) -> list[dict]:
+    """What is left without a name: per joint the signals, strongest first."""
+    joints: dict[int, list] = {}
+    for leftover in closure.verdict.leftovers:
+        joints.setdefault(leftover.joint, []).append(leftover)
+    out = []
+    for joint, found in joints.items():
+        signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
+        out.append(
+            {
+                "name": "unknown",
+                "joints": [joint + 1],
+                "parameters": {},
+                "interval": {},
+                "signals": signals,
+                "indistinguishable_from": [],
+                "separated_by": found[0].separated_by,
+                "evidence": evidence(found[0].evidence)
+                | {
+                    "sure": found[0].sure,
+                    "depends_on": [
+                        {"signals": list(x.signals), "form": x.form, "squared_error_removed": x.evidence.gain_fit}
+                        for x in found[:6]
+                    ],
+                },
+            }
+        )
+    return out
+
+
+def _torque(closure: Closure) -> dict:
+    count = len(closure.recording.joints)
+    e = closure.error
+    if e is None:
+        none = [None] * count
+        return {
+            "metric": "rms_percent",
+            "rows": "held_out",
+            "before": none,
+            "after": none,
+            "interval": [[None, None]] * count,
+            "floor": none,
+        }
+    return {
+        "metric": "rms_percent",
+        "rows": "held_out",
+        "before": _numbers(e.before),
+        "after": _numbers(e.after),
+        "interval": [_numbers(pair) for pair in e.interval],
+        "floor": _numbers(closure.floor or (None,) * count),
+        "of_them": "rows on which the joint moves: no standstill, no reversal within the filter's reach",
+        "share_of_held_out_rows": _numbers(e.share_moving),
+        "with_reversals": {"before": _numbers(e.all_before), "after": _numbers(e.all_after)},
+        "fitted_rows": {"before": _numbers(e.fitted_before), "after": _numbers(e.fitted_after)},
+    }
+
+
+def _replay(closure: Closure) -> dict | None:
+    r = closure.replay
+    if r is None:
+        return None
+    return {
+        "metric": "rms_percent of torque",
+        "kind": r.kind,
+        "before": _numbers(r.before),
+        "after": _numbers(r.after),
+        "interval": [_numbers(pair) for pair in r.interval],
+        "unfiltered": {"before": _numbers(r.raw_before), "after": _numbers(r.raw_after)},
+        "position_before": _numbers(r.position_before),
+        "position_after": _numbers(r.position_after),
+        "runs": list(r.runs),
+    }
+
+
+def _candidates(closure: Closure) -> list[dict]:
+    if closure.selection is None:
+        return []
+    out = []
+    for number, step in enumerate(closure.selection.steps, 1):
+        for e, state in step.decisions:
+            out.append(
+                {"round": number, "name": e.name, "joints": [j + 1 for j in e.joints], "decision": state} | evidence(e)
+            )
+    return out
+
+
+def _untestable(closure: Closure) -> list[dict]:
+    if closure.selection is None:
+        return []
+    return [
+        {"name": c.choice.effect.name, "joints": [j + 1 for j in c.choice.joints], "reason": c.reason}
+        for c in closure.selection.untestable
+    ]
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _numbers(values) -> list[float | None]:
+    return [_number(v) for v in values]
+
+
+def sentence(closure: Closure) -> str:
+    """The verdict in a sentence or two."""
+    verdict = closure.verdict
+    if verdict.answer is Answer.REFUSED:
+        return f"refused: {'; '.join(verdict.warnings)}"
+    error = closure.error
+    pairs = zip(error.before, error.after, strict=True)
+    change = ", ".join(f"{a:.2f} -> {b:.2f} %" if np.isfinite((a, b)).all() else "- (does not move)" for a, b in pairs)
+    held = f"Held-out torque error per joint: {change}."
+    new, earlier = (", ".join(_named(f) for f in verdict.findings if f.earlier is kind) for kind in (False, True))
+    beside = f" beside those of the earlier pass ({earlier})" if earlier else ""
+    if verdict.answer is Answer.COMPLETE:
+        return f"model_complete: no effect is missing that this data can show{beside}. {held}"
+    left = "; ".join(dict.fromkeys(map(_left, verdict.leftovers[:3])))
+    if verdict.answer is Answer.UNEXPLAINED:
+        left = left or next((f"{f.name} was withdrawn: {why}" for f, why in verdict.withdrawn), "")
+        return f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
+    rest = f" Something else is left without a name ({left})." if left else ""
+    return f"effect_found: {new}{beside}. {held}{rest}"
+
+
+def _left(leftover: Leftover) -> str:
+    signals = " and ".join(leftover.signals)
+    if leftover.sure:
+        words = leftover.choice.effect.words
+        return f"the residual of joint {leftover.joint + 1} depends on {signals}{words and f': {words}'}"
+    return (
+        f"joint {leftover.joint + 1} leaves more than its sensors' noise; no "
+        f"signal surely explains it, {signals} comes closest"
+    )
+
+
+def _named(found: NamedEffect) -> str:
+    where = "" if len(found.joints) > 1 else f" on joint {found.joints[0]}"
+    others = ["an effect without a name" if name == "unknown" else name for name in found.aliases]
+    aliases = f" (not told from {' or '.join(others)})" if others else ""
+    return f"{found.name}{where}{aliases}"

@@ -1,0 +1,133 @@
+"""Least squares by blocks: normal equations of every contiguous block, so that refits, jackknives and held-out errors
+cost nothing.
+
+For each block b and joint j:  G = X^T X, h = X^T y, s = y^T y  over the rows of that block and joint. The estimate of
+the fitted
+blocks solves (sum G) beta = sum h; leaving a block out subtracts its terms.
+"""
+
+import numpy as np
+from attrs import frozen
+
+RIDGE = 1e-10  # of the scaled diagonal: keeps unidentified directions at rest
+PENALTIES = (0.0, *np.geomspace(1e-5, 1e2, 15))  # of the scaled diagonal, for columns that are too many for their data
+
+
+@frozen(eq=False)
+class Gram:
+    """Normal equations: g (B, J, p, p), h (B, J, p), s (B, J), rows (B, J); the first `train` blocks are fitted.
+
+    The first `shrunk` columns are given ones that are too many for the fitted blocks: they get a penalty (ridge),
+    chosen by
+    leaving out `group` (train,), the runs of the fitted blocks, or blocks where there are fewer than four runs.
+    precision (p,): what is
+    known of each coefficient before the data, one over its variance about zero.
+    """
+
+    g: np.ndarray
+    h: np.ndarray
+    s: np.ndarray
+    rows: np.ndarray
+    train: int
+    shrunk: int = 0
+    group: np.ndarray | None = None
+    precision: np.ndarray | float = 0.0
+
+    @property
+    def size(self) -> int:
+        """Number of columns p."""
+        return self.h.shape[-1]
+
+
+@frozen(eq=False)
+class GramFit:
+    """beta (p,), cov (p, p) of the block jackknife, sse (B, J): squared error of every block, each fitted block left
+    out in turn.
+
+    left_out (T, p): estimates without each fitted block; penalty (p,) on the scaled diagonal.
+    """
+
+    beta: np.ndarray
+    cov: np.ndarray
+    sse: np.ndarray
+    left_out: np.ndarray
+    in_sample: np.ndarray
+    penalty: np.ndarray
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation (p,) of beta by the jackknife."""
+        return np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+
+
+def fit(gram: Gram) -> GramFit:
+    """Least squares on the fitted blocks, delete-one-block jackknife, errors of each block with a model that has not
+    seen it.
+    """
+    return _fitted(gram, _penalty(gram) if gram.shrunk else 0.0)
+
+
+def _penalty(gram: Gram) -> float:
+    """The largest penalty whose left-out error is within one standard error of the best (Hastie et al., ESL 7.10)."""
+    group = gram.group if gram.group is not None and len(np.unique(gram.group)) >= 4 else np.arange(gram.train)
+    member = (group[:, None] == np.unique(group)).astype(float).T
+    parts = [member @ x[: gram.train].sum(axis=1).reshape(gram.train, -1) for x in (gram.g, gram.h, gram.s)]
+    g, h, s = parts[0].reshape(-1, gram.size, gram.size), parts[1], parts[2][:, 0]
+    scale = 1 / np.sqrt(np.maximum(np.diag(g.sum(axis=0)), 1e-300))
+    g, h = g * scale[:, None] * scale, h * scale
+    errors = []
+    for penalty in PENALTIES:
+        extra = np.full(gram.size, RIDGE)
+        extra[: gram.shrunk] += penalty
+        beta = np.linalg.solve(g.sum(axis=0) - g + np.diag(extra), (h.sum(axis=0) - h)[..., None])[..., 0]
+        errors.append(s - 2 * (h * beta).sum(axis=1) + np.einsum("bp,bpq,bq->b", beta, g, beta))
+    worse = np.array(errors) - errors[int(np.sum(errors, axis=1).argmin())]
+    allowed = np.sqrt(len(g)) * worse.std(axis=1, ddof=1)
+    return PENALTIES[int(np.flatnonzero(worse.sum(axis=1) <= allowed).max())]
+
+
+def _fitted(gram: Gram, penalty: float) -> GramFit:
+    t = gram.train
+    g, h = gram.g.sum(axis=1), gram.h.sum(axis=1)
+    total_g, total_h = g[:t].sum(axis=0), h[:t].sum(axis=0)
+    scale = 1 / np.sqrt(np.maximum(np.diag(total_g), 1e-300))
+    extra = RIDGE + gram.precision * scale**2
+    extra[: gram.shrunk] += penalty
+    stack_g = np.concatenate([total_g[None], total_g - g[:t]]) * scale[:, None] * scale
+    stack_h = np.concatenate([total_h[None], total_h - h[:t]]) * scale
+    solved = np.linalg.solve(stack_g + np.diag(extra), stack_h[..., None])[..., 0] * scale
+    beta, left_out = solved[0], solved[1:]
+    spread = left_out - left_out.mean(axis=0)
+    cov = (t - 1) / max(t, 1) * spread.T @ spread
+    every = np.concatenate([left_out, np.broadcast_to(beta, (len(gram.h) - t, gram.size))])
+    return GramFit(
+        beta, cov, squared_error(gram, every), left_out, squared_error(gram, np.broadcast_to(beta, every.shape)), extra
+    )
+
+
+def squared_error(gram: Gram, beta: np.ndarray) -> np.ndarray:
+    """Squared error (B, J) with coefficients beta (B, p) of each block."""
+    linear = np.einsum("bjp,bp->bj", gram.h, beta)
+    quadratic = np.einsum("bp,bjpq,bq->bj", beta, gram.g, beta, optimize=True)
+    return np.maximum(gram.s - 2 * linear + quadratic, 0.0)
+
+
+def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: int, train: int) -> Gram:
+    """Normal equations of columns (J, m, p) and y (J, m), rows of weight zero already zeroed; rows must be sorted by
+    block or not.
+    """
+    order = np.argsort(block, kind="stable")
+    edges = np.searchsorted(block[order], np.arange(blocks + 1))
+    place = edges[:-1, None] + np.arange(
+        np.diff(edges).max()
+    )  # (B, L), blocks filled up with the row of zeros at the end
+    rows = np.append(order, len(block))[np.where(place < edges[1:, None], place, len(block))]
+    x, t = (np.pad(a, ((0, 0), (0, 1), (0, 0)))[:, rows] for a in (columns, y[..., None]))
+    g, h, s = (np.swapaxes(np.swapaxes(u, 2, 3) @ v, 0, 1) for u, v in ((x, x), (x, t), (t, t)))
+    return Gram(
+        np.ascontiguousarray(g),
+        np.ascontiguousarray(h[..., 0]),
+        np.ascontiguousarray(s[..., 0, 0]),
+        np.zeros(s.shape[:2]),
+        train,
+    )

@@ -1,0 +1,1 @@
+"""What a candidate is worth: evidence on blocks, errors, noise floor, selection, dependences of the residual."""

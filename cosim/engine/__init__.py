@@ -1,0 +1,1 @@
+"""The master algorithm: instances started, a schedule executed, rows recorded, how it ended."""

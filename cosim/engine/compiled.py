@@ -1,0 +1,360 @@
+"""The compiled executor: the same start and schedule as in Python, the same bits, in a loop that C runs over the FMUs.
+
+fmpy loads and instantiates; this module hands the FMI functions' addresses, the instances, start values and the
+schedule to
+`fmu_src/executor/executor.c`. It starts the instances (as cosim.engine.initialisation) and runs a while at a time
+(as cosim.engine.reference), so that Ctrl-C and progress get their turn and other threads theirs (no lock of Python's is
+held). What a repeated run does not change stays in the executor. Whatever goes wrong is worded by the code in Python.
+
+Components that exchange other types than doubles, or that are no FMUs, are left to the Python executor.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Callable, Mapping, Sequence
+from ctypes import POINTER, byref, c_double, c_int, c_int64, c_void_p
+from functools import cache
+
+import numpy as np
+
+from cosim.engine.initialisation import initial_sources, wired
+from cosim.engine.initialisation import initialise as initialise_in_python
+from cosim.engine.native import Arena
+from cosim.engine.outcome import Outcome
+from cosim.engine.reference import Ending, Execution, RunProgress, blamed, interrupted, keep, marked, watched
+from cosim.engine.reference import execute as execute_in_python
+from cosim.errors import RunError
+from cosim.fmu import Fmi2Instance, FmuInstance
+from cosim.fmu.contract import Instance
+from cosim.wiring import Wiring
+from cosim.wiring.schedule import Step, seconds
+
+_CALLS = ("set inputs", "set input derivatives", "get outputs", "step")
+_DONE, _CALL_FAILED, _ENDED, _OUT_OF_BOUNDS = range(4)
+_FIRST_BATCH = 2000  # communication steps before the clock is looked at for the first time
+_TURN = 0.1  # s: after about this time Python gets its turn
+
+
+class _NativeInstance(ctypes.Structure):
+    _fields_ = [
+        ("instance", c_void_p),
+        ("set2", c_void_p),
+        ("get2", c_void_p),
+        ("slopes2", c_void_p),
+        ("step2", c_void_p),
+        ("set3", c_void_p),
+        ("get3", c_void_p),
+        ("step3", c_void_p),
+        ("input_refs", c_void_p),
+        ("slope_refs", c_void_p),
+        ("output_refs", c_void_p),
+        ("orders", c_void_p),
+        ("inputs", c_void_p),
+        ("slopes", c_void_p),
+        ("outputs", c_void_p),
+        ("n_inputs", c_int64),
+        ("n_slopes", c_int64),
+        ("n_outputs", c_int64),
+        ("offset", c_int64),
+        ("remembered", c_int64),
+        ("event", c_void_p),
+        ("terminate", c_void_p),
+        ("early", c_void_p),
+        ("reached", c_void_p),
+    ]
+
+
+class _NativeBank(ctypes.Structure):
+    _fields_ = [("set2", c_void_p), ("set3", c_void_p), ("refs", c_void_p), ("values", c_void_p), ("n", c_int64)]
+
+
+class _NativeStart(ctypes.Structure):
+    _fields_ = [
+        ("reset", c_void_p),
+        ("setup2", c_void_p),
+        ("enter2", c_void_p),
+        ("enter3", c_void_p),
+        ("leave", c_void_p),
+        ("banks", c_void_p),
+        ("n_banks", c_int64),
+        ("source", c_void_p),
+        ("fresh", c_int64),
+    ]
+
+
+class _NativeExecution(ctypes.Structure):
+    _fields_ = [
+        ("instances", c_void_p),
+        ("phases", c_void_p),
+        ("n_phases", c_int64),
+        ("store", c_void_p),
+        ("n_outputs", c_int64),
+        ("table", c_void_p),
+        ("n_columns", c_int64),
+        ("every", c_int64),
+        ("row_start", c_int64),
+        ("step_ns", c_double),
+        ("bound", c_double),
+        ("domain", c_void_p),
+        ("n_domain", c_int64),
+        ("mark", c_void_p),
+        ("call", c_int64),
+        ("status", c_int64),
+    ]
+
+
+@cache
+def _library():
+    from build_fmus.library import library_path
+
+    return prepared(ctypes.CDLL(str(library_path("executor"))))
+
+
+def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
+    """A compiled fmu_src/executor with the types of its functions."""
+    library.execute.argtypes = [POINTER(_NativeExecution), c_int64]
+    library.initialise.argtypes = [POINTER(_NativeExecution), c_void_p, c_int64]
+    library.execute.restype = library.initialise.restype = c_int
+    return library
+
+
+def applies(instances: Sequence[Instance]) -> bool:
+    """Whether every component is an FMU that exchanges doubles only (asked when they are wired)."""
+    return all(isinstance(s, FmuInstance) and all(bank.shared for bank in s.setters + s.getters) for s in instances)
+
+
+# --- start ------------------------------------------------------------------------------------------------------------
+
+
+class _Begin:
+    """The start of the instances in C's layout, their start values apart."""
+
+    def __init__(self, wiring: Wiring, instances: Sequence[FmuInstance]) -> None:
+        schedule = wiring.schedule
+        self.instances, self.arena = instances, Arena()
+        self.store = np.zeros(2 * schedule.outputs)
+        natives = (_NativeInstance * len(instances))(
+            *[_native(s, o, self.arena) for s, o in zip(instances, schedule.offset)]
+        )
+        self.job = _NativeExecution(
+            instances=self.arena.structures(natives), store=self.arena.array(self.store), n_outputs=schedule.outputs
+        )
+        self.starts = (_NativeStart * len(instances))()
+        for start, instance, source in zip(self.starts, instances, initial_sources(wiring)):
+            self._fill(start, instance, source)
+        self.values: list[_StartValues | None] = [None] * len(instances)
+
+    def _fill(self, start: _NativeStart, instance: FmuInstance, source: np.ndarray) -> None:
+        start.reset, start.leave = instance.address("Reset"), instance.address("ExitInitializationMode")
+        start.source = self.arena.indices(source)
+        if isinstance(instance, Fmi2Instance):
+            start.setup2, start.enter2 = (
+                instance.address("SetupExperiment"),
+                instance.address("EnterInitializationMode"),
+            )
+        else:
+            start.enter3 = instance.address("EnterInitializationMode")
+
+    def run(self, wiring: Wiring, mark: np.ndarray) -> bool:
+        """Start every instance; False where one refuses anything."""
+        self.job.mark = mark.ctypes.data
+        for i, instance in enumerate(self.instances):
+            instance.messages.clear()
+            instance.time, instance.fresh, self.starts[i].fresh = 0.0, False, instance.fresh
+            if not self._set(i, wiring.starts[instance.name]):
+                return False
+        return _library().initialise(byref(self.job), ctypes.addressof(self.starts), len(self.instances)) == 0
+
+    def _set(self, i: int, values: Mapping[str, float | str]) -> bool:
+        """Start values of an instance into C's arrays; False where one is a text."""
+        known = self.values[i]
+        if known is not None and known.given is values:
+            return True
+        if known is None or known.names != tuple(values):
+            if any(isinstance(value, str) for value in values.values()):
+                return False
+            known = self.values[i] = _StartValues(self.instances[i], tuple(values))
+            self.starts[i].banks, self.starts[i].n_banks = ctypes.addressof(known.banks), len(known.banks)
+        known.fill(values)
+        return True
+
+
+class _StartValues:
+    """Start values of an instance by type: arrays, and the calls that hand them over."""
+
+    def __init__(self, instance: FmuInstance, names: tuple[str, ...]) -> None:
+        self.names, self.given = names, None
+        kinds = instance.by_kind(names)
+        self.banks = (_NativeBank * len(kinds))()
+        self.arrays = []
+        for bank, (kind, some) in zip(self.banks, kinds.items()):
+            refs, array = instance.references(some), np.zeros(len(some), instance.dtype(kind))
+            self.arrays.append((array, some, refs))
+            bank.refs, bank.values, bank.n = ctypes.addressof(refs), array.ctypes.data, len(some)
+            setattr(bank, "set2" if isinstance(instance, Fmi2Instance) else "set3", instance.address("Set" + kind))
+
+    def fill(self, values: Mapping[str, float | str]) -> None:
+        for array, names, _ in self.arrays:
+            array[:] = [values[name] for name in names]
+        self.given = values
+
+
+def _native(instance: FmuInstance, offset: int, arena: Arena) -> _NativeInstance:
+    native = _NativeInstance(
+        instance=instance.component,
+        input_refs=arena.structures(instance.references(instance.input_names)),
+        slope_refs=arena.structures(instance.slope_references()),
+        output_refs=arena.structures(instance.references(instance.output_names)),
+        orders=arena.structures((c_int * max(1, len(instance.slopes)))(*[1] * len(instance.slopes))),
+        inputs=arena.array(instance.inputs),
+        slopes=arena.array(instance.slopes),
+        outputs=arena.array(instance.outputs),
+        n_inputs=len(instance.inputs),
+        n_slopes=len(instance.slopes),
+        n_outputs=len(instance.outputs),
+        offset=offset,
+    )
+    if isinstance(instance, Fmi2Instance):
+        native.set2, native.get2 = instance.address("SetReal"), instance.address("GetReal")
+        native.slopes2, native.step2 = instance.address("SetRealInputDerivatives"), instance.address("DoStep")
+        return native
+    native.set3, native.get3, native.step3 = (instance.address(f) for f in ("SetFloat64", "GetFloat64", "DoStep"))
+    native.event, native.terminate, native.early = (ctypes.addressof(flag) for flag in instance.flags)
+    native.reached = ctypes.addressof(instance.reached)
+    return native
+
+
+# --- run --------------------------------------------------------------------------------------------------------------
+
+
+class _CompiledLoop:
+    """A schedule with its instances in C's layout, and the arrays that must outlive the calls."""
+
+    def __init__(self, job: Execution) -> None:
+        self.arena, self.store = Arena(), job.store
+        instances = (_NativeInstance * len(job.instances))(
+            *[_native(instance, offset, self.arena) for instance, offset in zip(job.instances, job.schedule.offset)]
+        )
+        for component in job.schedule.remembered:
+            instances[component].remembered = 1
+        phases = self.arena.phases(job.schedule.phases, job.columns, job.schedule.step_ns)
+        self.native = _NativeExecution(
+            self.arena.structures(instances),
+            phases,
+            len(job.schedule.phases),
+            self.arena.array(job.store),
+            job.schedule.outputs,
+            None,
+            len(job.columns),
+            job.every,
+            0,
+            job.schedule.step_ns,
+            job.watch.bound,
+            self.arena.indices(job.watch.domain),
+            len(job.watch.domain),
+            None,
+            -1,
+            0,
+        )
+
+    def run(self, job: Execution, progress: Callable[[RunProgress], None] | None) -> Ending:
+        """Batches of communication steps, each of about a tenth of a second, until the end."""
+        execute, steps, done = _library().execute, job.steps, 0
+        self.native.table, self.native.mark, job.mark[0] = job.table.ctypes.data, job.mark.ctypes.data, 0
+        began = last = time.perf_counter()
+        batch = _FIRST_BATCH
+        try:
+            while done < steps:
+                before = done
+                answer = execute(byref(self.native), min(steps, before + batch))
+                done = int(job.mark[0])
+                if answer != _DONE:
+                    return self._ending(job, answer, done)
+                now = time.perf_counter()
+                batch = max(1, int((done - before) * _TURN / max(now - last, 1e-6)))
+                last = now
+                job.drop(done // job.every)
+                if progress is not None:
+                    progress(RunProgress(done, steps, seconds(done, job.schedule.step_ns), now - began))
+        except KeyboardInterrupt:
+            return interrupted(int(job.mark[0]))
+        return Ending(done)
+
+    def _ending(self, job: Execution, answer: int, done: int) -> Ending:
+        if answer == _ENDED:
+            return watched(job, done) or Ending(done, message="an FMU asked to end the run")
+        if answer == _OUT_OF_BOUNDS:
+            return watched(job, done)
+        try:
+            return self._refused(job, done)
+        except RunError as error:
+            failure = blamed(job, error, done)
+            return Ending(done, Outcome.FAILED, str(failure), failure)
+
+    def _refused(self, job: Execution, done: int) -> Ending:
+        """Raises what the instance itself would have raised for the call's status."""
+        component, call, status = int(job.mark[1]), self.native.call, self.native.status
+        instance = job.instances[component]
+        instance.time = seconds(done, job.schedule.step_ns)
+        if _CALLS[call] == "get outputs":
+            instance.time += _step_size(job, component)
+        if _CALLS[call] == "step":
+            instance.judge(status)
+            return Ending(done, message="an FMU asked to end the run")
+        banks = {
+            "set inputs": instance.setters[:1],
+            "set input derivatives": instance.setters[-1:],
+            "get outputs": instance.getters,
+        }
+        instance.check(status, banks[_CALLS[call]][0].what)
+        raise AssertionError("a status above 1 is an error")
+
+
+def _step_size(job: Execution, component: int) -> float:
+    """Length of a component's steps [s]."""
+    operations = (o for phase in job.schedule.phases for o in phase.operations)
+    found = (o.multiple for o in operations if isinstance(o, Step) and o.component == component)
+    return seconds(next(found), job.schedule.step_ns)
+
+
+class CompiledExecutor:
+    """The compiled executor (see `cosim.engine.reference.Executor`), with what runs of the same schedule, instances and
+    kept
+    signals have in common: start values and schedule in C's layout. In Python where it does not apply.
+    """
+
+    def __init__(self) -> None:
+        self.begin: _Begin | None = None
+        self.loop: _CompiledLoop | None = None
+        self.applies: bool | None = None
+
+    def initialise(self, wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray | None = None) -> np.ndarray:
+        """The store at t = 0 (see cosim.engine.initialisation.initialise).
+
+        Raises RunError, worded in Python: an instance that refuses anything is started again there.
+        """
+        if self.applies is None:
+            wired(wiring, instances)
+            self.applies = applies(instances)
+        mark = marked() if mark is None else mark
+        if self.applies:
+            self.begin = self.begin or _Begin(wiring, instances)
+            if self.begin.run(wiring, mark):
+                return self.begin.store
+        return initialise_in_python(wiring, instances, mark)
+
+    def __call__(self, job: Execution, progress: Callable[[RunProgress], None] | None = None) -> Ending:
+        """Run the schedule."""
+        if self.applies is None:
+            self.applies = applies(job.instances)
+        if not self.applies:
+            return execute_in_python(job, progress)
+        ending = watched(job, 0)
+        keep(job, 0, job.columns)
+        if ending is not None:
+            return ending
+        if self.loop is None or self.loop.store is not job.store:
+            self.loop = _CompiledLoop(job)
+        return self.loop.run(job, progress)

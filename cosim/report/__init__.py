@@ -1,0 +1,1 @@
+"""Pages: one HTML file a report, nothing fetched; one module a kind of result."""

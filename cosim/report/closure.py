@@ -1,0 +1,376 @@
+"""The report of `cosim close-loop`: verdict, before and after, evidence, parameters, replay, what to measure next."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cosim.closure.closure import Closure
+from cosim.closure.document import effective, sentence
+from cosim.closure.model.model import Model
+from cosim.closure.output import write
+from cosim.closure.score.dependence import strongest
+from cosim.closure.score.errors import torque
+from cosim.closure.verdict import Answer
+from cosim.report import closure_figures as plots
+from cosim.report.html import Figure, Report, Section, Table, write_report
+
+MOODS = {Answer.FOUND: "good", Answer.COMPLETE: "good", Answer.UNEXPLAINED: "neutral", Answer.REFUSED: "bad"}
+
+
+def save(closure: Closure, folder: Path | str) -> Closure:
+    """Write everything that `cosim close-loop` leaves, the page last; returns what was written."""
+    closure = write(closure, folder)
+    write_report(page(closure), Path(folder) / "report.html")
+    return closure
+
+
+def page(closure: Closure) -> Report:
+    """The whole report."""
+    sections = [_errors, _time, _signals, _residual, _parameters, _candidates, _leftovers, _replay, _next, _warnings]
+    made = [section(closure) for section in sections]
+    return Report(
+        "The loop closed with measured data",
+        sentence(closure),
+        [s for s in made if s is not None],
+        {
+            "recordings": ", ".join(closure.recording.files),
+            "device": closure.recording.device,
+            "filter": _filter(closure),
+        },
+        MOODS[closure.verdict.answer],
+    )
+
+
+def _filter(closure: Closure) -> str:
+    if closure.before is None:
+        return "-"
+    widths = closure.before.setting.motion.widths
+    return f"Gaussian, {1e3 * widths.total:.3g} ms wide ({widths.cutoff:.3g} Hz at half power), on both sides"
+
+
+def _unit(closure: Closure) -> str:
+    return "N" if closure.recording.description.prismatic else "N m"
+
+
+def _models(closure: Closure) -> tuple[Model, Model] | None:
+    if closure.selection is None:
+        return None
+    return closure.before, closure.verdict.best
+
+
+def _errors(closure: Closure) -> Section | None:
+    e = closure.error
+    if e is None:
+        return None
+    labels = closure.recording.joints
+    floor = closure.floor or (None,) * len(labels)
+    errors = e.before, e.after, e.interval, floor, e.all_before, e.all_after, e.fitted_before, e.fitted_after
+    rows = [(label, *(_cell(x[j]) for x in errors)) for j, label in enumerate(labels)]
+    header = (
+        "joint",
+        "before",
+        "after",
+        "95 % interval",
+        "floor",
+        "before, with reversals",
+        "after, with reversals",
+        "before, fitted rows",
+        "after, fitted rows",
+    )
+    text = (
+        "RMS of the residual as a share of the RMS of the measured torque "
+        "(Taati Eq. 15), both filtered alike, on held-out rows. "
+        "Standstill and reversals are left out: the direction of friction is not known there; "
+        "beside it the error with reversals. The floor is what repeats of one "
+        "motion differ by. A dash: no repeats, or a joint that does not move in these rows."
+    )
+    figure = Figure(plots.error_bars(e.before, e.after, e.interval, floor, labels), "Held-out error of the torque")
+    return Section(
+        "Error before and after", text, [Table(header, rows, "RMS error of the torque [%]", digits=3)], [figure]
+    )
+
+
+def _cell(value: float | tuple[float, float] | None) -> float | str | None:
+    """A number or an interval for a table, None (a dash) where it is not known."""
+    if value is None or not np.isfinite(value).all():
+        return None
+    return f"{value[0]:.3g} to {value[1]:.3g}" if isinstance(value, tuple) else value
+
+
+def _held(model: Model) -> np.ndarray:
+    rows = model.setting.rows
+    return rows.test if rows.test.any() else ~rows.test
+
+
+def _time(closure: Closure) -> Section | None:
+    models = _models(closure)
+    if models is None:
+        return None
+    before, after = models
+    rows = _held(before)
+    time = before.setting.motion.time[before.setting.rows.index][rows]
+    svg = plots.torque_before_after(
+        time,
+        torque(before)[:, rows],
+        before.residual[:, rows],
+        after.residual[:, rows],
+        closure.recording.joints,
+        _unit(closure),
+    )
+    return Section(
+        "Measured against model",
+        "",
+        figures=[Figure(svg, "Filtered torque and residual (measured - predicted), held-out rows")],
+    )
+
+
+def _signals(closure: Closure) -> Section | None:
+    """The residual against the signal of each finding or leftover."""
+    models = _models(closure)
+    if models is None:
+        return None
+    figures = []
+    for joint, name in _explaining(closure)[:4]:
+        signal = _signal(models[0], name)
+        use = models[0].setting.use[joint]
+        if signal is not None:
+            svg = plots.against_signal(
+                signal[use], models[0].residual[joint][use], models[1].residual[joint][use], name, _unit(closure)
+            )
+            figures.append(
+                Figure(svg, f"Residual of joint {joint + 1} against {name}: means of bins with 95 % intervals")
+            )
+    return Section("Residual against the signal that explains it", figures=figures) if figures else None
+
+
+EXPLAINED_BY = {
+    "stribeck": "dq",
+    "coulomb_asymmetry": "dq",
+    "viscous_asymmetry": "dq",
+    "torque_offset": "dq",
+    "quadratic_drag": "dq",
+    "load_friction": "tau",
+    "position_friction": "q",
+    "position_torque": "q",
+    "torque_ripple": "q",
+    "hysteresis": "q",
+    "friction_drift": "time",
+    "actuator_lag": "tau rate",
+    "time_delay": "tau rate",
+    "torque_saturation": "tau",
+    "torque_deadband": "tau",
+    "torque_gain": "tau",
+    "joint_elasticity": "tau",
+    "backlash": "tau",
+    "encoder_offset": "q",
+    "base_tilt": "q",
+    "payload": "q",
+    "external_contact": "q",
+}
+
+
+def _explaining(closure: Closure) -> list[tuple[int, str]]:
+    pairs = []
+    for found in closure.verdict.findings:
+        kind = EXPLAINED_BY.get(found.name) or next(iter(found.effect.signals), "dq")
+        for j in found.joints:
+            other = int(found.choice.theta[0]) + 1 if found.name == "joint_coupling" else j
+            pairs.append((j - 1, kind if kind == "time" else f"{kind} {other if other > 0 else j}"))
+    for leftover in closure.verdict.leftovers:
+        name = leftover.signals[0].replace("history of ", "")
+        pairs.append((leftover.joint, name if name == "time" else f"{name.rstrip('0123456789')} {name[-1]}"))
+    return list(dict.fromkeys(pairs))
+
+
+def _signal(model: Model, name: str) -> np.ndarray | None:
+    motion, index = model.setting.motion, model.setting.rows.index
+    if name == "time":
+        return motion.time[index]
+    kind, _, number = name.rpartition(" ")
+    source = {
+        "q": motion.q,
+        "dq": motion.dq,
+        "ddq": motion.ddq,
+        "tau": motion.tau,
+        "tau rate": motion.rate(motion.tau),
+    }.get(kind)
+    if source is None or not number.isdigit() or not 0 < int(number) <= source.shape[1]:
+        return None
+    return source[index, int(number) - 1]
+
+
+def _residual(closure: Closure) -> Section | None:
+    models = _models(closure)
+    if models is None:
+        return None
+    before, after = models
+    s = before.setting
+    step = float(np.median(np.diff(s.rows.index))) * s.motion.step
+    figures = [
+        Figure(
+            plots.whiteness(before.residual, after.residual, step, closure.recording.joints),
+            "Autocorrelation of the residual; the band holds white noise",
+        )
+    ]
+    m, index = s.motion, s.rows.index
+    for j, label in enumerate(closure.recording.joints):
+        signals = {
+            f"q{j + 1}": m.q[index, j],
+            f"dq{j + 1}": m.dq[index, j],
+            f"ddq{j + 1}": m.ddq[index, j],
+            f"tau{j + 1}": m.tau[index, j],
+        }
+        signals |= {name: values[index] for name, values in list(m.other.items())[:2]}
+        figures.append(Figure(plots.cross_correlation(before.residual[j], signals, step, label)))
+    return Section("What the residual is made of", figures=figures)
+
+
+def _parameters(closure: Closure) -> Section | None:
+    rows = [
+        (
+            f.name,
+            f.joints,
+            f"{name}{' (effective)' * (name in effective(f))}",
+            value,
+            f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}",
+            f.effect.equation,
+        )
+        for f in closure.verdict.findings
+        for name, value in f.parameters.items()
+    ]
+    if not rows:
+        return None
+    text = "95 % intervals from the jackknife over contiguous blocks, all parameters of the model refitted together."
+    if any(map(effective, closure.verdict.findings)):
+        text += (
+            " Compliance and damping beside a gap are effective values: they "
+            "hold how the link bounces between its sides, "
+            "which smoothed motion hides."
+        )
+    return Section(
+        "Parameters of the effects",
+        text,
+        [Table(("effect", "joints", "FMU parameter", "value", "interval", "equation"), rows, digits=4)],
+    )
+
+
+def _candidates(closure: Closure) -> Section | None:
+    if closure.selection is None:
+        return None
+    tables = []
+    for number, step in enumerate(closure.selection.steps, 1):
+        rows = []
+        for e, state in step.decisions[:14]:
+            rows.append(
+                (
+                    e.name,
+                    [j + 1 for j in e.joints],
+                    100 * e.gain_fit,
+                    100 * e.gain_held,
+                    e.t_fit,
+                    e.t_held,
+                    e.p,
+                    100 * e.size,
+                    state,
+                )
+            )
+        header = (
+            "effect",
+            "joints",
+            "removed, fitted [%]",
+            "removed, held out [%]",
+            "t fitted",
+            "t held out",
+            "p",
+            "share of torque [%]",
+            "decision",
+        )
+        tables.append(Table(header, rows, f"Round {number}: candidates beside what was accepted before", digits=3))
+    untestable = [
+        (c.choice.effect.name, [j + 1 for j in c.choice.joints], c.reason, c.choice.effect.needs)
+        for c in closure.selection.untestable
+    ]
+    if untestable:
+        tables.append(Table(("effect", "joints", "why", "needs"), untestable, "What this data cannot show"))
+    text = (
+        f"{closure.selection.trials} regressions were tried; p counts all of them. "
+        f"Errors are those of blocks that the fit has not seen; "
+        "rigid body and friction are refitted with every candidate."
+    )
+    return Section("Candidates and evidence", text, tables)
+
+
+def _leftovers(closure: Closure) -> Section | None:
+    rows = [
+        (
+            x.joint + 1,
+            x.form + ("" if x.sure else " (comes closest; more than the sensors' noise is left)"),
+            100 * x.evidence.gain_fit,
+            x.evidence.t_fit,
+            x.evidence.p,
+        )
+        for x in closure.verdict.leftovers[:12]
+    ]
+    rows += [
+        (
+            ", ".join(map(str, f.joints)),
+            f"{f.name} (withdrawn): {why}",
+            100 * f.evidence.gain_fit,
+            f.evidence.t_fit,
+            f.evidence.p,
+        )
+        for f, why in closure.verdict.withdrawn
+    ]
+    if not rows:
+        return None
+    text = (
+        "Functions that are fitted, not known, still lower the error of "
+        "blocks that the fit has not seen, without a name."
+    )
+    return Section(
+        "What is left without a name", text, [Table(("joint", "what it is", "removed [%]", "t", "p"), rows, digits=3)]
+    )
+
+
+def _replay(closure: Closure) -> Section | None:
+    r = closure.replay
+    if r is None:
+        return None
+    labels = closure.recording.joints
+    errors = r.before, r.after, r.interval, r.position_before, r.position_after
+    rows = [(label, *(_cell(x[j]) for x in errors)) for j, label in enumerate(labels)]
+    header = ("joint", "torque before [%]", "torque after [%]", "95 % interval", "position before", "position after")
+    figures = (
+        []
+        if r.time is None
+        else [Figure(plots.replayed(r.time, r.tau, r.tau_before, r.tau_after, labels, _unit(closure)))]
+    )
+    text = (
+        f"The recorded experiment ({r.kind}) as a co-simulation with the old and "
+        f"the new FMU, held-out rows. Positions: RMS in rad or m. "
+        "A replay can disagree with the torque error: its errors feed back "
+        "through the controller. A dash: a model that could not be "
+        "replayed (see the warnings)."
+    )
+    return Section("Replay as a co-simulation", text, [Table(header, rows, digits=3)], figures)
+
+
+def _next(closure: Closure) -> Section | None:
+    lines = [
+        f"{f.name} on joint(s) {', '.join(map(str, f.joints))}: {f.separated_by}."
+        for f in closure.verdict.findings
+        if f.aliases
+    ]
+    lines += [
+        f"joint {x.joint + 1}, {x.form}: {x.separated_by}." for x in strongest(closure.verdict.leftovers).values()
+    ]
+    if closure.selection is not None:
+        needs = {
+            c.choice.effect.name: c.choice.effect.needs for c in closure.selection.untestable if c.choice.effect.needs
+        }
+        lines += [f"To see {name}: {need}." for name, need in needs.items()]
+    return Section("What to measure next", "\n\n".join(lines)) if lines else None
+
+
+def _warnings(closure: Closure) -> Section | None:
+    return Section("Warnings", "\n\n".join(closure.warnings)) if closure.warnings else None

@@ -1,0 +1,152 @@
+"""The report page of an identification: verdict, parameters, errors, figures, doubts."""
+
+from importlib.metadata import version
+
+import numpy as np
+
+from cosim.arm.parameters import parameter_set
+from cosim.identify.identification import Identification, unexcited, without_friction
+from cosim.identify.idim import Idim
+from cosim.report import identify_figures as plots
+from cosim.report.html import Figure, Report, Section, Table
+
+
+def page(found: Identification, paper: Identification, idim: Idim | None) -> Report:
+    """The report of one identification beside the paper's estimator."""
+    device, joints = found.recording.device, found.recording.joints
+    sections = [_parameters(found, paper), _errors(found, paper, idim), *_figures(found), _shown(found), _data(found)]
+    provenance = {
+        "device": device,
+        "files": ", ".join(found.recording.files),
+        "method": found.method.text(),
+        "cosim": version("haptic-cosim"),
+    }
+    return Report(f"Identification: {', '.join(joints)}", verdict(found), sections, provenance, _mood(found))
+
+
+def verdict(found: Identification) -> str:
+    """One or two sentences."""
+    errors = ", ".join(f"{value:.2g} %" for value in found.rms_held_out)
+    loose = unexcited(found)
+    joints = ", ".join(found.recording.joints)
+    text = f"{len(found.parameters)} parameters; the held-out torque is predicted to {errors} (RMS, {joints})."
+    text += f" Not determined by this motion: {', '.join(loose)}." if loose else " The motion determines all of them."
+    return text + (
+        "" if found.positive_definite else " The identified mass matrix is not positive definite everywhere."
+    )
+
+
+def _mood(found: Identification) -> str:
+    finite = found.rms_held_out[np.isfinite(found.rms_held_out)]
+    return (
+        "good" if len(finite) and finite.max() < 10 and found.positive_definite and not unexcited(found) else "neutral"
+    )
+
+
+def _parameters(found: Identification, paper: Identification) -> Section:
+    known = _known(found)
+    header = [
+        "parameter",
+        "value",
+        "95 % from",
+        "to",
+        "std",
+        "std if white",
+        "paper's",
+        *([known[0]] if known else []),
+        "unit",
+    ]
+    rows, papers = [], {p.name: f"{p.value:.5g}" for p in paper.parameters}
+    for k, p in enumerate(found.parameters):
+        other = [f"{known[1][k]:.5g}" if k < len(known[1]) else None] if known else []
+        numbers = [f"{v:.5g}" if np.isfinite(v) else None for v in p.interval]
+        numbers += [f"{v:.2g}" if np.isfinite(v) else None for v in (p.std, p.std_white)]
+        rows.append([p.name, f"{p.value:.6g}", *numbers, papers.get(p.name), *other, p.unit])
+    text = (
+        "The standard deviation counts the residual's correlation in time: contiguous blocks of "
+        f"{found.spread.block:.2g} s are left out one at a time "
+        f"({found.spread.blocks} blocks). The white-noise figure is what least "
+        "squares gives by itself; it is shown to be compared, not to be used."
+    )
+    return Section(
+        "Parameters",
+        text,
+        [Table(header, rows)],
+        [Figure(plots.intervals(found), "What the residual's correlation costs.")],
+    )
+
+
+def _known(found: Identification):
+    """A published column to set beside a PHANToM's: name and its 14 values."""
+    if found.recording.device != "phantom":
+        return None
+    description = found.recording.description
+    if description.parameters == "declared":
+        return "declared", np.array(description.declared_pi)
+    return f"set {description.configuration}", parameter_set(description.configuration).vector
+
+
+def _errors(found: Identification, paper: Identification, idim: Idim | None) -> Section:
+    rows = []
+    for j, joint in enumerate(found.recording.joints):
+        rows.append([joint, "this tool, rows near reversals left out", found.rms_train[j], found.rms_held_out[j]])
+        rows.append([joint, "this tool, judged on all rows", None, found.rms_held_out_all[j]])
+        rows.append([joint, "paper's estimator, all rows", paper.rms_train[j], paper.rms_held_out[j]])
+    if idim is not None:
+        joint = found.recording.joints[0]
+        rows.append([joint, idim.text, idim.published.train, idim.published.held_out])
+        rows.append(
+            [joint, "this tool's parameters on those same rows and band", idim.other.train, idim.other.held_out]
+        )
+        if idim.recentred is not None:
+            rows.append(
+                [
+                    joint,
+                    "the same IDIM-LS, force moved half a sample to the middle of its hold",
+                    idim.recentred.train,
+                    idim.recentred.held_out,
+                ]
+            )
+    text = (
+        "RMS% of Taati Eq. 15, 100 sqrt(sum r^2 / sum tau^2), on the filtered "
+        "torque. Lines with different rows or filters judge "
+        "different things: a lower band leaves out what the model cannot follow. "
+        f"This tool: {found.method.text()}.\n\nPaper: {paper.method.text()}."
+    )
+    return Section("Errors", text, [Table(["joint", "method", "train [%]", "held out [%]"], rows)])
+
+
+def _figures(found: Identification) -> list[Section]:
+    rigid = without_friction(found)
+    piecewise = None
+    if found.recording.device == "phantom":
+        piecewise = parameter_set("piecewise").pi
+    caption = "Held-out rows (Taati Figs. 4, 6 and 8)."
+    figures = [Figure(plots.torques(found, rigid, piecewise), caption)]
+    over = Figure(plots.residuals(found, rigid), "Residual over velocity, grey: near a reversal (Taati Figs. 5 and 7).")
+    parts = Figure(plots.friction(found), "Parts of the identified friction (Taati Fig. 9).")
+    return [Section("Torques", "", figures=figures), Section("Friction", "", figures=[over, parts])]
+
+
+def _shown(found: Identification) -> Section:
+    shown = found.identifiability
+    rows = [
+        ["condition number of the scaled regressor", shown.condition],
+        ["rank", f"{shown.rank} of {len(found.parameters)}"],
+        ["not determined", ", ".join(unexcited(found)) or "none"],
+        ["mass matrix positive definite over the workspace", found.positive_definite],
+        ["equations fitted", int(found.stack.fit.sum())],
+        ["independent samples that these are worth", [float(np.round(v)) for v in found.spread.effective]],
+    ]
+    return Section("What the motion shows", "\n\n".join(shown.combinations), [Table(["", ""], rows)])
+
+
+def _data(found: Identification) -> Section:
+    recording = found.recording
+    rows = [
+        [run.name, len(run), run.step * 1e3, f"{run.time[-1] - run.time[0]:.3g}", int(run.test.sum())]
+        for run in recording.runs
+    ]
+    table = Table(["run", "rows", "step [ms]", "length [s]", "held out"], rows)
+    text = "\n\n".join(found.warnings) or "Nothing was repaired and nothing looks wrong."
+    return Section("Data, repairs and doubts", text, [table])

@@ -1,0 +1,153 @@
+"""Report of `cosim stability`: which condition says what, characteristic loci, roots, growth of the twin difference."""
+
+import numpy as np
+
+from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure, to_svg
+from cosim.report.html import Figure, Report, Section, Table
+from cosim.results.provenance import command_line, provenance
+from cosim.stability.document import Comparison, notes
+from cosim.stability.evidence import StabilityEvidence
+from cosim.stability.linearisation import LinearLoop
+from cosim.stability.margin import loci
+from cosim.stability.spectrum import abscissa, roots
+
+
+def stability_report(found: Comparison, loop: LinearLoop) -> Report:
+    """The report of one comparison."""
+    unstable = found.evidence is StabilityEvidence.FALSIFIED
+    sections = [_conditions(found), *_linear(found, loop), _read(found)]
+    facts = provenance(found.judged.result) | {"command": command_line()}
+    return Report(
+        f"Stability of {found.judged.result.scenario.name}",
+        _verdict(found),
+        sections,
+        facts,
+        mood="bad" if unstable else "good" if found.evidence is not StabilityEvidence.NONE else "neutral",
+    )
+
+
+def _verdict(found: Comparison) -> str:
+    judged = found.judged
+    rate = "" if judged.growth_rate is None else f" Growth rate {judged.growth_rate:+.5f} 1/s."
+    return (
+        f"{judged.outcome.advice[0].upper()}{judged.outcome.advice[1:]}.{rate} "
+        f"Strongest evidence: {found.evidence.meaning}."
+    )
+
+
+def _conditions(found: Comparison) -> Section:
+    t = found.theory
+    rows = []
+    if t.delay_sum:
+        rows += [
+            [
+                "4 B_l B_r > (T_l + T_r)^2 K_l K_r",
+                _says(t.delay_sum.holds),
+                t.delay_sum.max_delay,
+                t.delay_sum.guarantees,
+            ],
+            ["Sallam Eq. 10 as printed", _says(t.sallam_eq10.holds), t.sallam_eq10.max_delay, t.sallam_eq10.guarantees],
+        ]
+    if t.law_bound is not None:
+        rows += [
+            [
+                "scaled small gain, this plant",
+                _says(t.known_mass),
+                t.law_bound,
+                "near the pose, every delay law below the bound",
+            ]
+        ]
+    if t.abscissa is not None:
+        says = f"{'unstable' if t.abscissa > 0 else 'stable'} ({t.abscissa:+.5f} 1/s)"
+        rows += [["exact spectrum", says, found.max_delay, "near the pose, constant delay; necessary and sufficient"]]
+    if found.margins is not None:
+        m = found.margins
+        rows += [
+            [
+                "delay margin (python-control)",
+                f"phase {m.phase:.4g} deg",
+                m.delay,
+                "more delay each way until the first crossing",
+            ]
+        ]
+    rate = "" if found.judged.growth_rate is None else f" ({found.judged.growth_rate:+.5f} 1/s)"
+    rows += [["co-simulation, twin runs", found.judged.outcome.value + rate, None, "this motion, these delays"]]
+    delays = "delays " + ", ".join(f"{d:g} s" for d in t.delays) + (" constant" if t.constant else " on average")
+    pose = ", ".join(f"{q:g}" for q in t.pose)
+    return Section(
+        "What each condition says",
+        f"At q = ({pose}) rad, {delays}.",
+        [Table(["condition", "says", "largest delay each way [s]", "what that covers"], rows)],
+    )
+
+
+def _says(holds: bool) -> str:
+    return "holds" if holds else "does not hold"
+
+
+def _linear(found: Comparison, loop: LinearLoop) -> list[Section]:
+    family = loop.family()
+    if family is None or found.theory.abscissa is None:
+        return []
+    text = (
+        "Left: characteristic loci of the loop opened at the channels, with the "
+        "exact delay; they pass -1 at zero frequency because the free "
+        "loop is neutral against a common displacement. Middle: rightmost "
+        "roots. Right: growth rate against constant delay."
+    )
+    fig, axes = figure(1, 3, width=10.5, height=3.6)
+    _nyquist(axes[0, 0], found, family)
+    _roots(axes[0, 1], loop)
+    _against_delay(axes[0, 2], found, family)
+    return [Section("The linearised loop", text, figures=[Figure(to_svg(fig), "Nyquist, spectrum, growth rate")])]
+
+
+def _nyquist(axes, found: Comparison, family) -> None:
+    for k, locus in enumerate(loci(family, max(found.theory.delays))[:3]):
+        axes.plot(locus.response.real, locus.response.imag, color=(BLUE, ORANGE, GREEN)[k], label=f"locus {k + 1}")
+    axes.plot([-1], [0], "+", color=RED, markersize=10)
+    axes.set(xlabel="Re L [1]", ylabel="Im L [1]", title="Characteristic loci", xlim=(-2, 1.5), ylim=(-1.75, 1.75))
+    axes.legend(loc="upper right")
+
+
+def _roots(axes, loop: LinearLoop) -> None:
+    found = roots(loop.system())
+    axes.axvline(0, color=BLACK, linewidth=0.8)
+    for sign in (1, -1):
+        axes.plot(found.real, sign * found.imag, "o", color=BLUE, markersize=4)
+    axes.set(xlabel="Re s [1/s]", ylabel="Im s [rad/s]", title="Rightmost roots")
+
+
+def _against_delay(axes, found: Comparison, family) -> None:
+    limit = found.max_delay if found.max_delay and np.isfinite(found.max_delay) else None
+    top = 1.5 * max([d for d in (*found.theory.delays, limit) if d] + [0.1])
+    delays = np.linspace(0.0, top, 25)
+    axes.plot(delays, [abscissa(family.at(d)) for d in delays], color=BLUE, label="spectrum")
+    axes.axhline(0, color=BLACK, linewidth=0.8)
+    if limit:
+        axes.axvline(limit, color=GREY, linestyle="--", label=f"boundary {limit:.4g} s")
+    judged = found.judged
+    if judged.growth_rate is not None and found.theory.constant:
+        axes.plot([found.theory.delays[0]], [judged.growth_rate], "s", color=RED, label="co-simulation")
+    axes.set(xlabel="constant delay each way [s]", ylabel="growth rate [1/s]", title="Growth rate")
+    axes.legend(loc="lower right")
+
+
+def _read(found: Comparison) -> Section:
+    ages = [[name, 1e3 * value] for name, value in found.added_ages.items()]
+    ports = [[arm, "passive" if p.passive else "not passive", p.damping] for arm, p in found.ports.items()]
+    damping = [
+        [s.arm, float(s.damping.min()), s.viscosity.value, float(s.effective.min())] for s in found.theory.pair or ()
+    ]
+    tables = (
+        [Table(["arm", "controller B", "plant, least in the workspace", "effective"], damping, "Damping counted on")]
+        if damping
+        else []
+    )
+    tables += (
+        [Table(["arm", "port", "least real part of its impedance [N s/m]"], ports, "Passivity of the plant's port")]
+        if ports
+        else []
+    )
+    tables += [Table(["way", "age added [ms]"], ages, "Mean age that the co-simulation adds")]
+    return Section("How to read it", "\n\n".join(notes(found)), tables)

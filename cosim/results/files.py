@@ -1,0 +1,166 @@
+"""Results on disk: HDF5 with units and provenance, CSV and MAT for other tools. The only module that imports h5py.
+
+Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elements), each with the attribute `unit`;
+the root holds outcome, message, scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from cosim.engine.master import Identity, Result
+from cosim.engine.outcome import Outcome
+from cosim.engine.table import blocks
+from cosim.errors import InputError, Problem
+from cosim.results.provenance import provenance
+from cosim.scenario import load_text, to_toml
+from cosim.signals import grouped
+
+FORMAT = 1
+
+
+def write_h5(result: Result, path: Path | str) -> Path:
+    """Write a result; the file is complete or not there. Raises OSError (disk full, not writable)."""
+    import h5py
+
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(partial, "w") as file:
+            _write(file, result)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def _write(file, result: Result) -> None:
+    file.attrs["format"] = FORMAT
+    file.attrs["outcome"] = result.outcome.value
+    file.attrs["message"] = result.message
+    file.attrs["wall_time"] = result.wall_time
+    if result.stopped_at is not None:
+        file.attrs["stopped_at"] = result.stopped_at
+    for key, value in provenance(result).items():
+        file.attrs[key] = value if isinstance(value, (str, int)) else json.dumps(value)
+    file.attrs["signals"] = json.dumps(list(result.signals))
+    file.create_dataset("time", data=result.time).attrs["unit"] = "s"
+    places, count = {name: k for k, name in enumerate(result.signals)}, len(result.time)
+    written = []
+    for name, elements in grouped(result.signals).items():
+        component, _, variable = name.partition(".")
+        data = file.create_dataset(f"signals/{component}/{variable}", (count, len(elements)), dtype=float)
+        data.attrs["unit"] = result.units[elements[0]]
+        data.attrs["elements"] = json.dumps([element.partition(".")[2] for element in elements])
+        written.append((data, [places[element] for element in elements]))
+    for first, values in blocks(result.signals):
+        for data, chosen in written:
+            data[first : first + len(values)] = values[:, chosen]
+
+
+def read_h5(path: Path | str) -> Result:
+    """A result as it was written. Raises InputError where the file is none."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return _read(file)
+    except (OSError, KeyError) as error:
+        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+
+
+def _read(file) -> Result:
+    signals, units = {}, {}
+    for component, variables in file["signals"].items():
+        for data in variables.values():
+            values = data[...]
+            for column, element in enumerate(json.loads(data.attrs["elements"])):
+                signals[f"{component}.{element}"] = values[:, column]
+                units[f"{component}.{element}"] = data.attrs["unit"]
+    fmus = tuple(Identity(f["component"], f["name"], f["fmi"], "", f["sha256"]) for f in json.loads(file.attrs["fmus"]))
+    order = json.loads(file.attrs["signals"])
+    stopped = file.attrs.get("stopped_at")
+    return Result(
+        load_text(file.attrs["scenario"]),
+        Outcome(file.attrs["outcome"]),
+        file["time"][...],
+        {name: signals[name] for name in order},
+        {name: units[name] for name in order},
+        None if stopped is None else float(stopped),
+        file.attrs["message"],
+        float(file.attrs["wall_time"]),
+        fmus,
+    )
+
+
+def export_csv(result: Result, path: Path | str) -> Path:
+    """Write the signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, a line per row, 17 digits."""
+    path = Path(path)
+    header = ",".join(["time [s]"] + [f"{name} [{result.units[name]}]" for name in result.signals])
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(header + "\n")
+        for first, values in blocks(result.signals):
+            stream.writelines(
+                ",".join(map(repr, row)) + "\n"
+                for row in np.column_stack([result.time[first : first + len(values)], values]).tolist()
+            )
+    return path
+
+
+def export_mat(result: Result, path: Path | str) -> Path:
+    """Write a MATLAB file: `time`, a struct `signals.<component>.<name>` (n, elements), a struct `units` alike."""
+    from scipy.io import savemat
+
+    signals, units = {}, {}
+    for name, elements in grouped(result.signals).items():
+        component, _, variable = name.partition(".")
+        signals.setdefault(component, {})[variable] = np.column_stack([result.signals[e] for e in elements])
+        units.setdefault(component, {})[variable] = result.units[elements[0]]
+    content = {"time": result.time[:, None], "signals": signals, "units": units, "outcome": result.outcome.value}
+    savemat(path, content | {"scenario": to_toml(result.scenario)}, long_field_names=True, do_compression=True)
+    return Path(path)
+
+
+def write_table(
+    columns: Mapping[str, object], units: Mapping[str, str], attributes: Mapping[str, str], path: Path | str
+) -> Path:
+    """Write a table as HDF5: one dataset (n,) a column, numbers or text, in `/columns`; attribute `unit` where there is
+    one.
+
+    The same columns give the same bytes: nothing of the moment is written. The file is complete or not there.
+    """
+    import h5py
+
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(partial, "w", track_order=True) as file:
+            file.attrs.update({"format": FORMAT, **attributes})
+            group = file.create_group("columns", track_order=True)
+            for name, values in columns.items():
+                text = any(isinstance(value, str) for value in values)
+                data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
+                if name in units:
+                    data.attrs["unit"] = units[name]
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def read_table(path: Path | str) -> dict[str, list]:
+    """The columns of `write_table`, text as str. Raises InputError where the file is none."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return {
+                name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]]
+                for name, data in file["columns"].items()
+            }
+    except (OSError, KeyError) as error:
+        raise InputError(Problem(str(path), "a table of cosim", str(error))) from None

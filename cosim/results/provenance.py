@@ -1,0 +1,39 @@
+"""Where a result comes from: versions, command line, scenario, FMUs with their SHA-256."""
+
+import platform
+import shlex
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from cosim.engine.master import Result
+from cosim.scenario import to_toml
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computed a result."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in ("haptic-cosim", "fmpy", "numpy"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def command_line() -> str:
+    """The command that this process was started with."""
+    words = [Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python", *sys.argv[1:]]
+    return shlex.join("cosim" if word == "__main__.py" else word for word in words)
+
+
+def provenance(result: Result) -> dict[str, object]:
+    """Where a result comes from, as plain values: scenario text, FMUs, versions, seed, command, effects."""
+    return {
+        "scenario": to_toml(result.scenario),
+        "seed": result.scenario.experiment.seed,
+        "effects": list(result.scenario.effects),
+        "fmus": [{"component": f.component, "name": f.model, "fmi": f.fmi, "sha256": f.sha256} for f in result.fmus],
+        "versions": versions(),
+        "command": command_line(),
+    }

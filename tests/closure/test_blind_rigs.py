@@ -1,0 +1,126 @@
+"""The loop on blind rigs (tests/support/rig: own equations): a small version of the studies, one batch of twenty-second
+runs.
+
+The studies with many seeds are `python -m tests.support.rig.study ...`; their results stand in cosim/closure/README.md.
+"""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cosim.effects import BUILT_IN, EffectEstimate
+from tests.support.rig.cases import complete, hidden, outside
+from tests.support.rig.experiment import RigExperiment, record
+from tests.support.rig.study import experiment
+from tests.support.rig.trial import TrialOutcome, judge
+
+SIZE = 4.0
+pytestmark = pytest.mark.timeout(900)  # one fixture simulates and judges all cases
+CASES = {
+    "complete smooth": complete(9),
+    "complete sign": complete(10),
+    "stribeck": hidden("stribeck", SIZE, 12),
+    "viscous_asymmetry": hidden("viscous_asymmetry", SIZE, 13),
+    "position_torque": hidden("position_torque", SIZE, 12),
+    "hysteresis": hidden("hysteresis", SIZE, 13),
+    "torque_ripple": hidden("torque_ripple", SIZE, 12),
+    "load_friction": hidden("load_friction", SIZE, 13),
+    "base_tilt": hidden("base_tilt", SIZE, 12),
+    "joint_coupling": hidden("joint_coupling", SIZE, 13),
+    "payload": hidden("payload", SIZE, 12),
+    "cross": outside("cross", SIZE, 12),
+    "drag_at_angle": outside("drag_at_angle", SIZE, 13),
+    "loaded_ripple": outside("loaded_ripple", SIZE, 13),
+    "eccentric": outside("eccentric", SIZE, 12),
+    "sag": outside("sag", SIZE, 12),
+    "flywheel": outside("flywheel", SIZE, 12),
+    "fading_gain": outside("fading_gain", SIZE, 14),
+    "small eccentric": outside("eccentric", 1.5, 14),
+    "pressed gap": hidden("backlash", 2.0, 11013),
+}
+NOT_TOLD_APART, PRESSED = "small eccentric", "pressed gap"
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> dict[str, TrialOutcome]:
+    experiments = [
+        experiment(11013) if name == PRESSED else RigExperiment(seed=k, highest=6.0, noise=3e-4)
+        for k, name in enumerate(CASES)
+    ]
+    runs = record([case.plant for case in CASES.values()], experiments, duration=20.0, substeps=2)
+    tasks = zip(runs, CASES.values(), experiments, strict=True)
+    return {name: TrialOutcome(**judge(task)) for name, task in zip(CASES, tasks, strict=True)}
+
+
+@pytest.mark.parametrize("name", ["complete smooth", "complete sign"])
+def test_a_complete_model_is_called_complete(outcomes, name):
+    assert (outcomes[name].verdict, outcomes[name].found) == ("model_complete", [])
+
+
+@pytest.mark.parametrize("name", [n for n, c in CASES.items() if c.truth and "unknown" not in c.truth and n != PRESSED])
+def test_a_hidden_effect_is_named_on_its_joint(outcomes, name):
+    outcome = outcomes[name]
+    assert outcome.verdict == "effect_found"
+    assert outcome.right, (outcome.truth, outcome.found)
+    joint = min(next(iter(outcome.truth.values()))) - 1
+    assert outcome.after[joint] < 0.7 * outcome.before[joint]
+
+
+@pytest.mark.parametrize("name", [n for n, c in CASES.items() if "unknown" in c.truth and n != NOT_TOLD_APART])
+def test_an_effect_that_no_library_has_gets_no_name(outcomes, name):
+    outcome = outcomes[name]
+    assert (outcome.verdict, outcome.found) == ("unexplained", [])
+    joint = next(iter(outcome.truth["unknown"]))
+    assert joint in {j for j, _ in outcome.unknown}
+
+
+def test_a_name_that_a_fault_of_the_encoder_does_as_well_as_is_not_sure(outcomes):
+    """Gravity read at an angle that is off is a torque that depends on the angle: nothing in this motion tells the
+    two.
+    """
+    ((name, joints, aliases),) = outcomes[NOT_TOLD_APART].found
+    assert (name, joints, aliases[-1]) == ("position_torque", [3], "unknown")
+
+
+def test_a_gap_that_weight_keeps_pressed_stands_behind_an_offset(outcomes):
+    """Joint 3 holds its weight: the link is off by half of the gap, to one side. An offset to the other side is none of
+    a gap.
+    """
+    outcome = outcomes[PRESSED]
+    ((name, joints, aliases),) = outcome.found
+    assert (name, joints, aliases[0]) == ("encoder_offset", [3], "backlash")
+    assert outcome.parameters["encoder_offset[3]"] == pytest.approx(-CASES[PRESSED].plant.gap[2] / 2, rel=0.1)
+    scene = SimpleNamespace(rigid=np.full((10, 3), -0.02))
+    offset = next(e for e in BUILT_IN if e.name == "encoder_offset")
+    assert not offset.inherent(EffectEstimate(np.array((0.01,)), np.zeros(1), (), (2,), scene))
+
+
+def test_a_drive_that_loses_gain_and_a_motor_carried_along_are_told_by_their_signals(outcomes):
+    assert (1, ["time", "tau1"]) in [(joint, signals) for joint, signals in outcomes["sag"].unknown]
+    assert {(2, ("ddq1",)), (1, ("ddq2",))} <= {
+        (joint, tuple(signals)) for joint, signals in outcomes["flywheel"].unknown
+    }
+
+
+def test_what_has_no_name_is_corrected_in_its_own_form(outcomes):
+    """A ripple that grows with the load and an encoder off its centre: neither is a smooth function of one signal."""
+    for name in ("loaded_ripple", "eccentric"):
+        joint = next(iter(CASES[name].truth["unknown"]))
+        assert outcomes[name].after[joint - 1] < 0.5 * outcomes[name].before[joint - 1]
+        assert [f"q{joint}", f"tau{joint}"] in [signals for _, signals in outcomes[name].unknown]
+
+
+def test_parameters_come_out_as_they_were_put_in(outcomes):
+    """Truth of the rig: 0.15 * 4 of the Coulomb level at 0.25 rad/s; 10 % covers what noise and the friction law's form
+    may do.
+    """
+    outcome = outcomes["stribeck"]
+    joint = next(iter(outcome.truth["stribeck"]))
+    level = CASES["stribeck"].plant.stribeck[joint - 1]
+    assert outcome.parameters[f"stribeck[{joint}]"] == pytest.approx(level, rel=0.1)
+    assert outcome.parameters[f"stribeck_velocity[{joint}]"] == pytest.approx(0.25, rel=0.1)
+    payload = outcomes["payload"].parameters["payload"]
+    assert payload == pytest.approx(CASES["payload"].plant.payload, rel=0.05)
+    json.dumps(outcome.interval, allow_nan=False)

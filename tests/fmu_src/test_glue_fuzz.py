@@ -1,0 +1,57 @@
+"""The C code under the address and undefined-behaviour sanitizers, called in any order with any values."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from build_fmus import models
+from build_fmus.build import BuildJob, source_files
+from build_fmus.sources import source_root
+from build_fmus.table import load_table
+from tests.support.paths import SUPPORT
+
+FLAGS = [
+    "-std=c99",
+    "-g",
+    "-O1",
+    "-ffp-contract=off",
+    "-fsanitize=address,undefined,float-cast-overflow",
+    "-fno-sanitize-recover=all",
+]
+
+
+def compiler() -> str:
+    """gcc or clang with the sanitizers' run-time libraries."""
+    for name in ("gcc", "clang"):
+        if shutil.which(name):
+            return name
+    pytest.skip("neither gcc nor clang here: the sanitizers are not checked")
+
+
+def fuzz(model: str, version: int, folder: Path, seeds: int, rounds: int) -> None:
+    table = load_table(source_root() / model / "model.toml")
+    for name, data in source_files(BuildJob(table, version, ())).items():
+        (folder / name).write_bytes(data)
+    shutil.copy(SUPPORT / "fuzz.c", folder)
+    define = [f"-DFUZZ_FMI{version}"]
+    subprocess.run([compiler(), *FLAGS, *define, "fuzz.c", "-lm", "-o", "fuzz"], cwd=folder, check=True)
+    for seed in range(seeds):
+        done = subprocess.run(["./fuzz", str(seed), str(rounds)], cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, f"{model}, FMI {version}, seed {seed}:\n{done.stderr[-3000:]}"
+        calls, accepted = (int(word) for word in done.stdout.replace(",", "").split() if word.isdigit())
+        assert calls > rounds / 3 and accepted > calls / 20  # the walk gets somewhere
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_any_order_of_calls(version, tmp_path):
+    """The short version, on a continuous model with every kind of variable but few of them."""
+    fuzz("Operator", version, tmp_path, seeds=2, rounds=20_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("model", models())
+def test_any_order_of_calls_of_every_model(model, version, tmp_path):
+    fuzz(model, version, tmp_path, seeds=5, rounds=200_000)

@@ -4,9 +4,16 @@ import sys
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from cosim.engine.reference import RunProgress
+    from cosim.results.summary import Judged
+    from cosim.wiring import Wiring
 
 DEMONSTRATION = "sallam-stable"
 
@@ -48,7 +55,7 @@ def command(
         sys.exit(130)
 
 
-def prepare(name: str, overrides: list[str], effects: Path | None):
+def prepare(name: str, overrides: list[str], effects: Path | None) -> "Wiring":
     """The checked wiring of a scenario, FMUs built where they are missing; problems of the file and of the wiring
     together.
     """
@@ -83,9 +90,11 @@ class RunMeter:
     """A progress bar with the real-time factor on stderr, where that is a terminal; else nothing."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.bar, self.task, self.last = name, None, None, 0
+        self.name, self.last = name, 0
+        self.bar: Progress | None = None
+        self.task: TaskID | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> Callable[["RunProgress"], None] | None:
         if not sys.stderr.isatty():
             return None
         from rich.console import Console
@@ -102,8 +111,10 @@ class RunMeter:
         self.bar.start()
         return self.tell
 
-    def tell(self, progress) -> None:
+    def tell(self, progress: "RunProgress") -> None:
         """Show how far the run is; a run that begins anew is the twin."""
+        if self.bar is None:
+            return
         if self.task is None or progress.done < self.last:
             label = self.name if self.task is None else f"{self.name}, twin for the growth rate"
             if self.task is not None:
@@ -112,12 +123,12 @@ class RunMeter:
         self.last = progress.done
         self.bar.update(self.task, completed=progress.done, factor=f"{progress.factor:.3g} x real time")
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.bar is not None:
             self.bar.stop()
 
 
-def _write(judged, folder: Path, exports: list[Export], report: bool) -> list[str]:
+def _write(judged: "Judged", folder: Path, exports: list[Export], report: bool) -> list[str]:
     """Every file of the run, summary.json last; those that could not be written, and why (a full disk)."""
     from cosim.cli.folder import words
 
@@ -131,11 +142,11 @@ def _write(judged, folder: Path, exports: list[Export], report: bool) -> list[st
     return lost
 
 
-def _files(judged, exports: list[Export], report: bool) -> dict[str, Callable[[Path], object]]:
+def _files(judged: "Judged", exports: list[Export], report: bool) -> dict[str, Callable[[Path], object]]:
     """The names of a run's files with what writes each."""
     from cosim.results.files import export_csv, export_mat, write_h5
 
-    files = {"result.h5": lambda path: write_h5(judged.result, path)}
+    files: dict[str, Callable[[Path], object]] = {"result.h5": lambda path: write_h5(judged.result, path)}
     for kind in exports:
         export = export_csv if kind is Export.CSV else export_mat
         files[f"result.{kind.value}"] = lambda path, export=export: export(judged.result, path)
@@ -144,14 +155,14 @@ def _files(judged, exports: list[Export], report: bool) -> dict[str, Callable[[P
     return files | {"summary.json": lambda path: _write_summary(judged, path)}
 
 
-def _write_report(judged, path: Path) -> None:
+def _write_report(judged: "Judged", path: Path) -> None:
     from cosim.report.html import write_report
     from cosim.report.run import run_report
 
     write_report(run_report(judged), path)
 
 
-def _write_summary(judged, path: Path) -> None:
+def _write_summary(judged: "Judged", path: Path) -> None:
     import json
 
     from cosim.results.summary import summary
@@ -160,7 +171,7 @@ def _write_summary(judged, path: Path) -> None:
     path.write_text(text + "\n", encoding="utf-8")
 
 
-def _spoken(judged, folder: Path) -> str:
+def _spoken(judged: "Judged", folder: Path) -> str:
     """The summary for the terminal."""
     from cosim.results.summary import simulated_time
 

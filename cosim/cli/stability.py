@@ -2,9 +2,18 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cosim.engine.reference import RunProgress
+    from cosim.fmu import FmuSet
+    from cosim.scenario import Scenario
+    from cosim.stability.document import Comparison
+    from cosim.stability.linearisation import LinearLoop
 
 
 def command(
@@ -54,7 +63,9 @@ def _pose(text: str | None) -> list[float] | None:
     return angles
 
 
-def compare(scenario, system, progress=None):
+def compare(
+    scenario: "Scenario", system: "FmuSet", progress: "Callable[[RunProgress], None] | None" = None
+) -> "tuple[Comparison, LinearLoop]":
     """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
     from functools import partial
 
@@ -75,7 +86,7 @@ def compare(scenario, system, progress=None):
     return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages), loop
 
 
-def _write(found, loop, folder: Path, report: bool) -> None:
+def _write(found: "Comparison", loop: "LinearLoop", folder: Path, report: bool) -> None:
     import json
 
     from cosim.stability.document import document
@@ -89,10 +100,10 @@ def _write(found, loop, folder: Path, report: bool) -> None:
     (folder / "stability.json").write_text(text + "\n", encoding="utf-8")
 
 
-def _spoken(found, folder: Path) -> str:
+def _spoken(found: "Comparison", folder: Path) -> str:
     t, judged = found.theory, found.judged
     rows = [("pose", "q = (" + ", ".join(f"{q:g}" for q in t.pose) + ") rad")]
-    if t.delay_sum:
+    if t.delay_sum and t.sallam_eq10:
         rows += [
             ("delay-sum condition", _verdict(t.delay_sum.holds, "guaranteed", "not guaranteed", t.delay_sum.max_delay)),
             (

@@ -3,9 +3,18 @@
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.progress import Progress, TaskID
+
+    from cosim.sweep.campaign import Campaign, Curve, SweepProgress
+    from cosim.sweep.pool import Workers
+    from cosim.sweep.spec import Sweep
 
 
 def command(
@@ -44,7 +53,7 @@ def command(
     print(_spoken(campaign, folder))
 
 
-def _prepared(spec: str, overrides: list[str], effects: Path | None):
+def _prepared(spec: str, overrides: list[str], effects: Path | None) -> "Sweep":
     from attrs import evolve
 
     from cosim.scenario import parse_override
@@ -55,7 +64,7 @@ def _prepared(spec: str, overrides: list[str], effects: Path | None):
     return evolve(sweep, set=fixed, effects=str(effects.resolve()) if effects else sweep.effects)
 
 
-def _pool(workers: int | None, dask: str | None):
+def _pool(workers: int | None, dask: str | None) -> "tuple[Workers, str]":
     """Who works, and that in words."""
     if dask:
         from cosim.sweep.cluster import DaskPool
@@ -71,9 +80,11 @@ class _PointsMeter:
     """Points, rate and time left on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.bar, self.task, self.told = name, None, None, 0.0
+        self.name, self.told = name, 0.0
+        self.bar: Progress | None = None
+        self.task: TaskID | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> "Callable[[SweepProgress], None]":
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
@@ -89,22 +100,22 @@ class _PointsMeter:
             self.task = self.bar.add_task(self.name, words="")
         return self.tell
 
-    def tell(self, progress) -> None:
+    def tell(self, progress: "SweepProgress") -> None:
         """Show how far the sweep is; the number of points grows while a boundary is traced."""
         left = f"{progress.left:.0f} s left" if progress.left < 1e6 else ""
         words = f"{progress.done} of {progress.asked} points, {progress.rate:.3g}/s {left}"
-        if self.bar is not None:
+        if self.bar is not None and self.task is not None:
             self.bar.update(self.task, completed=progress.done, total=progress.asked, words=words)
         elif progress.wall - self.told > 10.0:
             self.told = progress.wall
             print(f"{self.name}: {words}", file=sys.stderr)
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.bar is not None:
             self.bar.stop()
 
 
-def _write(campaign, folder: Path, report: bool) -> None:
+def _write(campaign: "Campaign", folder: Path, report: bool) -> None:
     """Table, report, and summary.json last, so that it stands for a complete folder."""
     import json
 
@@ -126,7 +137,7 @@ def _write(campaign, folder: Path, report: bool) -> None:
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
 
 
-def _spoken(campaign, folder: Path) -> str:
+def _spoken(campaign: "Campaign", folder: Path) -> str:
     from collections import Counter
 
     from cosim.sweep.table import kernel_replay
@@ -152,5 +163,5 @@ def _spoken(campaign, folder: Path) -> str:
     return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 
 
-def _along(curve) -> str:
+def _along(curve: "Curve") -> str:
     return ", ".join(f"{line[0][0]:.5g}" for line in curve.lines)

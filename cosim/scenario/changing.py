@@ -68,6 +68,7 @@ def assign(scenario: Scenario, path: str, value: object, problems: list[Problem]
 
 
 def _assign_record(scenario: Scenario, head: str, key: str, value: object, problems: list[Problem]) -> Scenario:
+    """The scenario with one value of its experiment or teleoperation (`head`) changed."""
     record = getattr(scenario, head)
     table = plain(record) | {key: value}
     changed = record_of(type(record), table, f"path {head}", problems)

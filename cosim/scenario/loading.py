@@ -21,7 +21,7 @@ def load_scenario(
     Raises InputError with every problem found.
     """
     scenario, problems = draft(name_or_path, overrides, effects)
-    if problems:
+    if problems or scenario is None:
         raise InputError(problems)
     return scenario
 

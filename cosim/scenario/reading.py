@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar
 
-from attrs import fields
+from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario.scenario import (
@@ -21,6 +22,8 @@ from cosim.scenario.scenario import (
     Teleoperation,
 )
 from cosim.signals import Signal
+
+Record = TypeVar("Record", bound=AttrsInstance)
 
 
 def table_of(path: Path) -> dict:
@@ -75,16 +78,16 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
     }
     teleoperation = record_of(Teleoperation, table.get("teleoperation", {}), f"{where}: teleoperation", problems)
     connections = _connections(table.get("connections", []), set(table["components"]), where, problems)
-    text = {key: str(table[key]).strip() for key in ("title", "description") if key in table}
     return Scenario(
         str(table.get("name", path.stem)),
         experiment or Experiment(stop=1.0),
         components,
         connections,
+        title=str(table.get("title", "")).strip(),
+        description=str(table.get("description", "")).strip(),
         teleoperation=teleoperation or Teleoperation(),
         folder=path.parent,
         warnings=tuple(map(str, table.get("warnings", ()))),
-        **text,
     )
 
 
@@ -96,9 +99,10 @@ def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: lis
             problems.append(Problem(f"{where}: {key}", "a known key", "an unknown one", did_you_mean(key, known)))
 
 
-def record_of(kind: type, table: object, where: str, problems: list[Problem]):
-    """An instance of a frozen class from a TOML table by cattrs, unknown keys and wrong types reported; None if
-    hopeless.
+def record_of(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
+    """An instance of a frozen class from a TOML table, made by cattrs; None where the table does not give one.
+
+    Unknown keys and values of a wrong type are added to `problems`.
     """
     if not isinstance(table, dict):
         problems.append(Problem(where, "a table", type(table).__name__))
@@ -136,7 +140,8 @@ class _UnfitError(Exception):
     """A value of the wrong kind: what was expected, what came, advice."""
 
 
-def _strict(value: object, kind, words: str):
+def _strict(value: object, kind: type | tuple[type, ...], words: str) -> Any:
+    """The value, which is of the kind asked for. Raises _UnfitError where it is of another."""
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise _UnfitError(words, repr(value), "")
     return value

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from attrs import field, frozen
 
 from cosim.results.summary import Judged, number
-from cosim.stability.assessment import Theory
+from cosim.stability.assessment import CoupledSide, Theory
 from cosim.stability.criteria import Criterion
 from cosim.stability.evidence import StabilityEvidence, strongest
 from cosim.stability.margin import Margins
@@ -80,7 +80,7 @@ def notes(found: Comparison) -> list[str]:
     return said
 
 
-def _side(side) -> dict[str, object]:
+def _side(side: CoupledSide) -> dict[str, object]:
     unit = "N.m.s/rad" if side.joint_space else "N.s/m"
     return {
         "controller": side.damping.tolist(),

@@ -44,6 +44,7 @@ class Boundary:
 
         The sign of the nearest known corner, turned once for each boundary segment between.
         """
+        assert self.tree is not None  # in two dimensions there is one
         known = [(self.tree.lattice.position(n), v) for n, v in self.tree.values.items() if np.isfinite(v)]
         corners, signs = np.array([p for p, _ in known]), np.array([1.0 if v > 0 else -1.0 for _, v in known])
         found = np.zeros(len(positions))
@@ -177,6 +178,7 @@ def trace_square(precision: Precision, tree: Tree | None = None) -> Tracer:
     for leaf in tree.suspicious():
         tree.split(leaf)
     yield from _complete(tree)
+    lines: list[list[np.ndarray]] = []
     for _ in range(_TRACES):
         while any([tree.split(leaf) for leaf in tree.crowded()]):  # noqa: C419 - every leaf is split
             yield from _complete(tree)
@@ -304,7 +306,7 @@ def _vertices(
     return found, lost
 
 
-def _bracketed(starts: list) -> Generator[Places, list[float], list[Bracket | None]]:
+def _bracketed(starts: list[tuple[_Chord, float, np.ndarray]]) -> Generator[Places, list[float], list[Bracket | None]]:
     """Brackets from the middles of chords along their steps, the steps doubled until the sign changes; None where it
     does not.
     """

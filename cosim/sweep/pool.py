@@ -13,6 +13,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
 
 from attrs import field, frozen
 
@@ -142,20 +144,23 @@ class LocalPool(Workers):
 
 def _heard(workers: Sequence["_Worker"]) -> list["_Worker"]:
     """Busy workers that have answered or died."""
-    busy = {handle: worker for worker in workers if worker.chunk for handle in (worker.pipe, worker.process.sentinel)}
-    return list(dict.fromkeys(busy[handle] for handle in wait(list(busy))))
+    busy: dict[object, _Worker] = {
+        handle: worker for worker in workers if worker.chunk for handle in (worker.pipe, worker.process.sentinel)
+    }
+    handles: list[Any] = list(busy)
+    return list(dict.fromkeys(busy[handle] for handle in wait(handles)))
 
 
 class _Worker:
     """One process with a pipe, and the chunk it is busy with."""
 
-    def __init__(self, context) -> None:
-        self.chunk = None
+    def __init__(self, context: Any) -> None:
+        self.chunk: Chunk | None = None
         self._start(context)
 
-    def _start(self, context) -> None:
+    def _start(self, context: Any) -> None:  # of forked or of spawned processes, whose types have nothing in common
         self.pipe, far = context.Pipe()
-        self.process = context.Process(target=_serve, args=(far,), daemon=True)
+        self.process: BaseProcess = context.Process(target=_serve, args=(far,), daemon=True)
         self.process.start()
         far.close()
 
@@ -171,8 +176,10 @@ class _Worker:
     def take(self) -> tuple[Chunk, tuple[PointResult, ...] | None, str]:
         """Its chunk with the findings, or with a message where it raised or died."""
         chunk, self.chunk = self.chunk, None
+        assert chunk is not None  # only a busy worker is asked
         try:
-            return chunk, *self.pipe.recv()
+            findings, message = self.pipe.recv()
+            return chunk, findings, message
         except (EOFError, OSError):
             self.process.join()
             code = self.process.exitcode
@@ -206,9 +213,10 @@ def _serve(pipe: Connection) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process().sentinel
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # this is a worker process
     try:
-        while parent not in wait([pipe, parent]):
+        while parent.sentinel not in wait([pipe, parent.sentinel]):
             task, points = pipe.recv()
             pipe.send(attempt(task, points))
     except (EOFError, OSError):

@@ -25,7 +25,7 @@ from cosim.scenario import load_scenario, with_parameters
 from cosim.stability.twin import twin_of
 from cosim.stability.verdict import judge
 from cosim.sweep import kernel
-from cosim.sweep.evaluate import EVALUATORS, _signals, _WiredPoint
+from cosim.sweep.evaluate import EVALUATORS, _signals, setup
 from cosim.sweep.points import Point, PointResult
 from cosim.sweep.pool import LocalPool, Task
 from tests.benchmarks.engines import Workload, figure, fmpy_lists, machine, timed
@@ -107,7 +107,7 @@ def places(count: int) -> list[Point]:
 
 def batch(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """An evaluator that runs the kernel alone."""
-    wired = [_WiredPoint.of(task, point).wiring for point in points]
+    wired = [setup(task, point).wiring for point in points]
     return [PointResult(result.outcome.value) for result in kernel.run_batch(wired, _signals(wired[0]))]
 
 

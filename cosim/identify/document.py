@@ -46,6 +46,18 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
     )
 
 
+def verdict(found: Identification) -> str:
+    """The identification in one or two sentences."""
+    errors = ", ".join(f"{value:.2g} %" for value in found.rms_held_out)
+    loose = unexcited(found)
+    joints = ", ".join(found.recording.joints)
+    text = f"{len(found.parameters)} parameters; the held-out torque is predicted to {errors} (RMS, {joints})."
+    text += f" Not determined by this motion: {', '.join(loose)}." if loose else " The motion determines all of them."
+    return text + (
+        "" if found.positive_definite else " The identified mass matrix is not positive definite everywhere."
+    )
+
+
 def _parameters(found: Identification) -> list[dict]:
     return [
         {

@@ -1,33 +1,9 @@
 """`stability.json`: criteria, spectrum, margins and simulation of a scenario side by side, in plain values."""
 
-from collections.abc import Mapping
-
-from attrs import field, frozen
-
-from cosim.results.summary import Judged, number
-from cosim.stability.assessment import Theory
+from cosim.results.summary import number
+from cosim.stability.comparison import Comparison
 from cosim.stability.criteria import Criterion
-from cosim.stability.evidence import StabilityEvidence, strongest
 from cosim.stability.margin import Margins
-from cosim.stability.passivity import PortPassivity
-
-
-@frozen
-class Comparison:
-    """All that `cosim stability` found: theory at the pose, largest constant delay, margins, ports, the simulation."""
-
-    theory: Theory
-    max_delay: float | None
-    margins: Margins | None
-    ports: Mapping[str, PortPassivity]
-    judged: Judged
-    added_ages: Mapping[str, float] = field(factory=dict)
-
-    @property
-    def evidence(self) -> StabilityEvidence:
-        """The strongest evidence that holds."""
-        t = self.theory
-        return strongest(self.judged.outcome, t.any_mass, t.known_mass, t.abscissa, t.constant)
 
 
 def document(found: Comparison) -> dict[str, object]:

@@ -2,7 +2,7 @@
 shows.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from attrs import evolve
 
@@ -46,25 +46,30 @@ def judged_run(
     """
     result = simulate(scenario, system, progress, record)
     wiring = system.wiring(scenario)
-    plain = Judged(
-        result, wiring, result.outcome, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted
-    )
+    plain = Judged(result, wiring, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted)
     twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
     if twin is None:
         return plain
-    return _with_verdict(plain, simulate(twin, system, progress, _rates(result)))
+    return _with_verdict(plain, simulate(twin, system, progress, _rates(result.signals)))
 
 
-def _rates(result: Result) -> list[str]:
+def verdict_signals(wiring: Wiring) -> list[str]:
+    """What verdict and tracking read of a run: see `_rates`, the operator's force, and the tips of both arms."""
+    arms = wiring.scenario.arms or ()
+    others = {"operator.f", *(f"{arm}.x" for arm in arms)}
+    return [*_rates(wiring.signals), *(name for name in wiring.signals if stem(name) in others)]
+
+
+def _rates(signals: Iterable[str]) -> list[str]:
     """What the verdict reads of the twin: joint angles and rates, and whether a motor is at its limit."""
-    return [name for name in result.signals if name.rpartition(".")[2].split("[")[0] in ("q", "dq", "saturated")]
+    return [name for name in signals if stem(name).rpartition(".")[2] in ("q", "dq", "saturated")]
 
 
 def _thinned(result: Result, every: int) -> Result:
     """Every so many rows of what the verdict reads."""
     if every == 1:
         return result
-    names = [*_rates(result), *(name for name in result.signals if stem(name) == "operator.f")]
+    names = [*_rates(result.signals), *(name for name in result.signals if stem(name) == "operator.f")]
     values = stacked(result.signals, names, every)
     return evolve(result, time=result.time[::every], signals=dict(zip(names, values.T)))
 
@@ -81,7 +86,7 @@ def _with_verdict(plain: Judged, twin: Result) -> Judged:
     interval = tuple(number(v) for v in verdict.interval)
     return evolve(
         plain,
-        outcome=verdict.outcome,
+        result=evolve(plain.result, outcome=verdict.outcome),
         growth_rate=number(verdict.growth_rate),
         interval=None if None in interval else interval,
     )

@@ -116,7 +116,7 @@ def test_empty_reports_render():
 def judged():
     made = oscillator(stop=1.0)
     system = FakeSystem(made, MODELS)
-    return Judged(run(made, system, executor=execute), system.wiring(made), run(made, system, executor=execute).outcome)
+    return Judged(run(made, system, executor=execute), system.wiring(made))
 
 
 def test_the_report_of_a_run_without_arms(judged):

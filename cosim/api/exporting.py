@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from cosim.api.runs import load
-from cosim.export.export import Exported
-from cosim.export.export import export as write_export
+from cosim.exports.export import Exported
+from cosim.exports.export import export as write_export
 from cosim.fmu import open_system
 from cosim.scenario import Scenario
 

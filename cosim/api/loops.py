@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any, final
 
 from attrs import frozen
 
+from cosim.analysis.comparison import Comparison, compare
+from cosim.analysis.document import document
+from cosim.analysis.linearisation import LinearLoop, at_pose
 from cosim.api.card import card
 from cosim.api.runs import load
 from cosim.engine.reference import RunProgress
@@ -15,9 +18,6 @@ from cosim.errors import RunError
 from cosim.fmu import open_system
 from cosim.results.saving import save_files, write_json
 from cosim.scenario import Scenario
-from cosim.stability.comparison import Comparison, compare
-from cosim.stability.document import document
-from cosim.stability.linearisation import LinearLoop, at_pose
 
 if TYPE_CHECKING:
     from cosim.report.canvas import MplFigure

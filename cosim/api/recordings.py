@@ -14,11 +14,11 @@ from cosim.closure.closure import Closure, Options
 from cosim.closure.closure import close_loop as closed
 from cosim.closure.document import answer, sentence
 from cosim.effects import Effect, library
-from cosim.identify.document import document, verdict
-from cosim.identify.identification import Identification, identify_as_paper
-from cosim.identify.identification import identify as identified
-from cosim.identify.idim import Idim, idim
-from cosim.identify.method import adjusted, suggested
+from cosim.identification.document import document, verdict
+from cosim.identification.identification import Identification, identify_as_paper
+from cosim.identification.identification import identify as identified
+from cosim.identification.idim import Idim, idim
+from cosim.identification.method import adjusted, suggested
 from cosim.measured import Recording
 from cosim.measured import read as read_files
 from cosim.results.saving import save_files, write_json

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from attrs import evolve, field, frozen
 
+from cosim.analysis.twin import judged_run, verdict_signals
 from cosim.api.card import card
 from cosim.engine.isolation import runner
 from cosim.engine.master import Result
@@ -23,7 +24,6 @@ from cosim.results.frames import as_dataframe, as_dataset
 from cosim.results.saving import save_files, write_json
 from cosim.results.summary import Judged, simulated_time, summary
 from cosim.scenario import Scenario, draft, load_scenario
-from cosim.stability.twin import judged_run, verdict_signals
 from cosim.wiring import Wiring, check
 from cosim.wiring.starts import resolved_starts
 

@@ -15,16 +15,16 @@ from cosim.api.card import card
 from cosim.results.files import write_table
 from cosim.results.frames import table_frame
 from cosim.results.saving import save_files, write_json
-from cosim.sweep.campaign import Campaign, Curve, SweepProgress, first_point, run_sweep, task_of
-from cosim.sweep.evaluate import check, origin
-from cosim.sweep.spec import Sweep, load_sweep
-from cosim.sweep.table import columns, kernel_replay, summary, units
+from cosim.sweeps.campaign import Campaign, Curve, SweepProgress, first_point, run_sweep, task_of
+from cosim.sweeps.evaluate import check, origin
+from cosim.sweeps.spec import Sweep, load_sweep
+from cosim.sweeps.table import columns, kernel_replay, summary, units
 
 if TYPE_CHECKING:
     import pandas
 
     from cosim.report.canvas import MplFigure
-    from cosim.sweep.pool import Workers
+    from cosim.sweeps.pool import Workers
 
 
 def sweep(
@@ -79,10 +79,10 @@ def _carried_out(
 def _pool(workers: int | None, dask: str | None) -> tuple[Workers, str]:
     """The workers, and what they are in words."""
     if dask:
-        from cosim.sweep.cluster import DaskPool
+        from cosim.sweeps.cluster import DaskPool
 
         return DaskPool(dask), f"Dask cluster at {dask}"
-    from cosim.sweep.pool import LocalPool
+    from cosim.sweeps.pool import LocalPool
 
     count = workers or os.cpu_count() or 1
     return LocalPool(count), f"{count} local process{'es' if count > 1 else ''}"

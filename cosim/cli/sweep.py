@@ -64,8 +64,7 @@ class _PointsMeter:
 
     def tell(self, progress) -> None:
         """Show how far the sweep is; the number of points grows while a boundary is traced."""
-        left = f"{progress.left:.0f} s left" if progress.left < 1e6 else ""
-        words = f"{progress.done} of {progress.asked} points, {progress.rate:.3g}/s {left}"
+        words = str(progress)
         if self.bar is not None:
             self.bar.update(self.task, completed=progress.done, total=progress.asked, words=words)
         elif progress.wall - self.told > 10.0:

@@ -5,9 +5,9 @@ from importlib.metadata import version
 import numpy as np
 
 from cosim.arm.parameters import parameter_set
-from cosim.identify.document import verdict
-from cosim.identify.identification import Identification, unexcited, without_friction
-from cosim.identify.idim import Idim
+from cosim.identification.document import verdict
+from cosim.identification.identification import Identification, unexcited, without_friction
+from cosim.identification.idim import Idim
 from cosim.report import identify_figures as plots
 from cosim.report.canvas import MplFigure, to_svg
 from cosim.report.html import Figure, Report, Section, Table

@@ -4,7 +4,7 @@ parts.
 
 import numpy as np
 
-from cosim.identify.identification import Identification
+from cosim.identification.identification import Identification
 from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, MplFigure, figure, to_svg
 
 POINTS = 1500

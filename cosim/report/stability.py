@@ -2,16 +2,16 @@
 
 import numpy as np
 
+from cosim.analysis.comparison import Comparison
+from cosim.analysis.document import notes
+from cosim.analysis.evidence import StabilityEvidence
+from cosim.analysis.linearisation import LinearLoop
+from cosim.analysis.margin import loci
+from cosim.analysis.spectrum import abscissa, roots
 from cosim.errors import InputError, Problem
 from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, MplFigure, figure, to_svg
 from cosim.report.html import Figure, Report, Section, Table
 from cosim.results.provenance import command_line, provenance
-from cosim.stability.comparison import Comparison
-from cosim.stability.document import notes
-from cosim.stability.evidence import StabilityEvidence
-from cosim.stability.linearisation import LinearLoop
-from cosim.stability.margin import loci
-from cosim.stability.spectrum import abscissa, roots
 
 
 def stability_report(found: Comparison, loop: LinearLoop) -> Report:

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cosim.analysis.evidence import StabilityEvidence
 from cosim.errors import InputError, Problem
 from cosim.report.canvas import BLACK, BLUE, COLOURS, GREY, ORANGE, PURPLE, SKY, MplFigure, figure, to_svg
 from cosim.report.html import Code, Figure, Report, Section, Table
 from cosim.results.provenance import command_line, versions
-from cosim.stability.evidence import StabilityEvidence
-from cosim.sweep.campaign import Campaign, Curve
-from cosim.sweep.curves import theory_curves
-from cosim.sweep.points import Point, PointResult, replay
-from cosim.sweep.shares import shares
-from cosim.sweep.spec import Axis, MonteCarlo
-from cosim.sweep.table import settings
+from cosim.sweeps.campaign import Campaign, Curve
+from cosim.sweeps.curves import theory_curves
+from cosim.sweeps.points import Point, PointResult, replay
+from cosim.sweeps.shares import shares
+from cosim.sweeps.spec import Axis, MonteCarlo
+from cosim.sweeps.table import settings
 
 # One colour and one shape an outcome: readable without colours, and by every kind of colour vision.
 _MARKS = {

@@ -2,14 +2,16 @@
 
 import numpy as np
 
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, figure, to_svg
+from cosim.analysis.comparison import Comparison
+from cosim.analysis.document import notes
+from cosim.analysis.evidence import StabilityEvidence
+from cosim.analysis.linearisation import LinearLoop
+from cosim.analysis.margin import loci
+from cosim.analysis.spectrum import DelayFamily, abscissa, roots
+from cosim.errors import InputError, Problem
+from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
 from cosim.report.html import Figure, Report, Section, Table
 from cosim.results.provenance import command_line, provenance
-from cosim.stability.document import Comparison, notes
-from cosim.stability.evidence import StabilityEvidence
-from cosim.stability.linearisation import LinearLoop
-from cosim.stability.margin import loci
-from cosim.stability.spectrum import DelayFamily, abscissa, roots
 
 
 def stability_report(found: Comparison, loop: LinearLoop) -> Report:
@@ -95,11 +97,23 @@ def _linear(found: Comparison, loop: LinearLoop) -> list[Section]:
         "loop is neutral against a common displacement. Middle: rightmost "
         "roots. Right: growth rate against constant delay."
     )
+    drawn = Figure(to_svg(loop_figure(found, loop)), "Nyquist, spectrum, growth rate")
+    return [Section("The linearised loop", text, figures=[drawn])]
+
+
+def loop_figure(found: Comparison, loop: LinearLoop) -> MplFigure:
+    """Characteristic loci, rightmost roots and growth rate against constant delay.
+
+    Raises InputError where the loop has no spectrum.
+    """
+    family = loop.family()
+    if family is None or found.theory.abscissa is None:
+        raise InputError(Problem("plot", "a loop with a spectrum", "one without", "see notes in stability.json"))
     fig, axes = figure(1, 3, width=10.5, height=3.6)
     _nyquist(axes[0, 0], found, family)
     _roots(axes[0, 1], loop)
     _against_delay(axes[0, 2], found, family)
-    return [Section("The linearised loop", text, figures=[Figure(to_svg(fig), "Nyquist, spectrum, growth rate")])]
+    return fig
 
 
 def _nyquist(axes: Axes, found: Comparison, family: DelayFamily) -> None:

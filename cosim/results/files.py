@@ -1,7 +1,8 @@
 """Results on disk: HDF5 with units and provenance, CSV and MAT for other tools. The only module that imports h5py.
 
 Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elements), each with the attribute `unit`;
-the root holds outcome, message, scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
+`/starts` holds every start value as it was resolved (JSON); the root holds outcome (that of summary.json), message,
+scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
 """
 
 import json
@@ -22,8 +23,11 @@ from cosim.signals import grouped
 FORMAT = 1
 
 
-def write_h5(result: Result, path: Path | str) -> Path:
-    """Write a result; the file is complete or not there. Raises OSError (disk full, not writable)."""
+def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str] | None = None) -> Path:
+    """Write a result; the file is complete or not there. Raises OSError (disk full, not writable).
+
+    starts: start values as they were resolved, by `component.variable`.
+    """
     import h5py
 
     path = Path(path)
@@ -32,6 +36,7 @@ def write_h5(result: Result, path: Path | str) -> Path:
     try:
         with h5py.File(partial, "w") as file:
             _write(file, result)
+            file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
@@ -60,6 +65,21 @@ def _write(file: Any, result: Result) -> None:
     for first, values in blocks(result.signals):
         for data, chosen in written:
             data[first : first + len(values)] = values[:, chosen]
+
+
+def read_starts(path: Path | str) -> dict[str, float | str]:
+    """Start values that `write_h5` was given. Raises InputError where the file is none of ours."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return _starts(file)
+    except (OSError, KeyError) as error:
+        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+
+
+def _starts(file: Any) -> dict[str, float | str]:
+    return json.loads(file["starts"][()]) if "starts" in file else {}
 
 
 def read_h5(path: Path | str) -> Result:

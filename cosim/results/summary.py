@@ -21,16 +21,23 @@ class Tracking:
 
 @frozen
 class Judged:
-    """A run with what is known of it: wiring, verdict (outcome, growth rate [1/s] with its 95 % interval), tracking."""
+    """A run with what is known of it: wiring, growth rate [1/s] with its 95 % interval, tracking.
+
+    The outcome of `result` is that of the verdict where there is one.
+    """
 
     result: Result
     wiring: Wiring
-    outcome: Outcome
     growth_rate: float | None = None
     interval: tuple[float, float] | None = None
     tracking: Tracking | None = None
     notes: tuple[str, ...] = field(default=(), converter=tuple)
     interrupted: bool = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended."""
+        return self.result.outcome
 
 
 def tracking(result: Result) -> Tracking | None:

@@ -11,16 +11,7 @@ from typing import Any, TypeVar
 from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.scenario import (
-    FORMAT,
-    Algorithm,
-    Component,
-    Connection,
-    Experiment,
-    Extrapolation,
-    Scenario,
-    Teleoperation,
-)
+from cosim.scenario.parts import Algorithm, Connection, Extrapolation
 from cosim.signals import Signal
 
 Record = TypeVar("Record", bound=AttrsInstance)
@@ -42,53 +33,6 @@ def read_toml(path: Path) -> dict:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(Problem(str(path), "TOML", str(error))) from None
-
-
-_TOP = {
-    "format",
-    "name",
-    "title",
-    "description",
-    "experiment",
-    "components",
-    "connections",
-    "teleoperation",
-    "warnings",
-}
-
-
-def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
-    """The scenario of a TOML table; problems are appended, None where nothing useful is left."""
-    where = path.name
-    unknown_keys(table, _TOP, where, problems)
-    if table.get("format", FORMAT) != FORMAT:
-        problems.append(Problem(f"{where}: format", str(FORMAT), repr(table["format"]), "this cosim reads format 1"))
-    for key in ("experiment", "components"):
-        if not isinstance(table.get(key), dict):
-            problems.append(
-                Problem(f"{where}: [{key}]", "a table", "nothing" if key not in table else "something else")
-            )
-    if not all(isinstance(table.get(key), dict) for key in ("experiment", "components")):
-        return None
-    experiment = record_of(Experiment, table["experiment"], f"{where}: experiment", problems)
-    components = {
-        name: component
-        for name, entry in table["components"].items()
-        if (component := record_of(Component, entry, f"{where}: components.{name}", problems)) is not None
-    }
-    teleoperation = record_of(Teleoperation, table.get("teleoperation", {}), f"{where}: teleoperation", problems)
-    connections = _connections(table.get("connections", []), set(table["components"]), where, problems)
-    return Scenario(
-        str(table.get("name", path.stem)),
-        experiment or Experiment(stop=1.0),
-        components,
-        connections,
-        title=str(table.get("title", "")).strip(),
-        description=str(table.get("description", "")).strip(),
-        teleoperation=teleoperation or Teleoperation(),
-        folder=path.parent,
-        warnings=tuple(map(str, table.get("warnings", ()))),
-    )
 
 
 def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: list[Problem]) -> None:
@@ -178,7 +122,8 @@ def _key(error: Exception) -> str:
 _WIRE = re.compile(r"^\s*(?P<source>[^\s]+)\s*->\s*(?P<target>[^\s]+)\s*$")
 
 
-def _connections(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
+def connections_of(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
+    """The connections of a table; what is wrong with an entry is added to `problems`."""
     found = []
     for number, entry in enumerate(entries if isinstance(entries, list) else [entries], start=1):
         match = _WIRE.match(entry) if isinstance(entry, str) else None

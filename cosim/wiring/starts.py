@@ -44,13 +44,6 @@ def starts_of(
     return values
 
 
-def start_number(description: FmuDescription, starts: Mapping[str, float | str], name: str) -> float:
-    """Start value of a numeric variable: that of the scenario (`starts`), else that of the FMU itself."""
-    value = starts.get(name, description.variables[name].start)
-    assert value is not None, f"{description.model}.{name} has no start value"
-    return float(value)
-
-
 _BUFFER = 8190
 """Steps of delay that the buffer of fmu_src/VariableDelayChannel holds, whatever its semantics (see its README:
 Memory).
@@ -61,9 +54,9 @@ def _outgrown(
     scenario: Scenario, name: str, description: FmuDescription, values: Mapping[str, float | str]
 ) -> list[Problem]:
     """The problem of a channel whose delay is known beforehand and outgrows its buffer in the time of the run."""
-    law = description.variables["law"].items[int(start_number(description, values, "law")) - 1]
+    law = description.variables["law"].items[int(description.start("law", values)) - 1]
     key = "delay_mean" if law == "constant" else "delay_max"
-    delay = start_number(description, values, key)
+    delay = description.start(key, values)
     experiment = scenario.experiment
     step = scenario.components[name].step_multiple * experiment.step
     if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):

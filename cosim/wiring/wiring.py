@@ -8,7 +8,6 @@ from attrs import field, frozen
 from cosim.scenario import Connection, Scenario
 from cosim.signals import FmuDescription, Signal, by_type
 from cosim.wiring.schedule import Schedule
-from cosim.wiring.starts import start_number
 
 
 @frozen
@@ -83,7 +82,7 @@ class Wiring:
 
     def start(self, component: str, variable: str) -> float:
         """Start value of a component's numeric variable: the scenario's, else that of the FMU itself."""
-        return start_number(self.descriptions[component], self.starts[component], variable)
+        return self.descriptions[component].start(variable, self.starts[component])
 
     def inputs(self, component: str) -> list[str]:
         """The component's wired inputs, in the order in which they are set: real ones first."""

@@ -2,13 +2,10 @@
 motion.
 """
 
+import mujoco
 import numpy as np
 import pytest
 from attrs import evolve
-
-pytest.importorskip("mujoco", reason="MuJoCo is a test-only dependency (extra 'test')")
-
-import mujoco
 
 from cosim.arm import dynamics, kinematics
 from cosim.arm.counterbalance import GIMBAL, Counterweights, fitted

@@ -18,6 +18,7 @@ from cosim.export.container import write_container
 from cosim.export.export import export
 from cosim.export.structure import write_ssp
 from cosim.scenario import load_scenario, load_text, to_toml
+from tests.support.needs import lacking, require
 from tests.support.paths import ROOT
 
 STEP, STOP = 1e-3, 20.0
@@ -63,8 +64,8 @@ def test_same_scenario_gives_the_same_bytes(wiring, archive, tmp_path):
     assert first == second
 
 
+@pytest.mark.needs("libcosim")
 def test_libcosim_gives_our_trajectories(archive, ours, tmp_path):
-    pytest.importorskip("libcosimpy", exc_type=ImportError)
     from libcosimpy.CosimEnums import CosimVariableType
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
@@ -92,11 +93,10 @@ def test_libcosim_gives_our_trajectories(archive, ours, tmp_path):
         np.testing.assert_allclose(np.array(values[:]), ours.signals[name][rows], rtol=0, atol=TIME_OF_OTHERS)
 
 
+@pytest.mark.needs("ecos")
 def test_ecos_gives_our_trajectories(archive, ours):
-    try:
-        from ecospy import EcosSimulation
-    except (ImportError, OSError) as error:
-        pytest.skip(f"Ecos does not load here (Debian: apt install libtbb12): {error}")
+    from ecospy import EcosSimulation
+
     with EcosSimulation(ssp_path=str(archive), step_size=STEP) as simulation:
         simulation.init()
         rows = []
@@ -252,9 +252,8 @@ VDMCHECK = "1.1.3"
 
 @pytest.fixture(scope="module")
 def vdmcheck(tmp_path_factory):
-    """VDMCheck2 from Maven Central, laid out as its own distribution is; skips without Java and Maven."""
-    if not (shutil.which("java") and shutil.which("mvn")):
-        pytest.skip("VDMCheck2 needs Java and Maven")
+    """VDMCheck2 from Maven Central, laid out as its own distribution is."""
+    require("vdmcheck")
     folder = tmp_path_factory.mktemp("vdmcheck")
     repository = folder / "repository"
     got = subprocess.run(
@@ -271,7 +270,7 @@ def vdmcheck(tmp_path_factory):
         check=False,
     )
     if got.returncode:
-        pytest.skip(f"VDMCheck2 cannot be had: {got.stdout[-200:]}")
+        lacking("vdmcheck", got.stdout[-200:])
     for name in ("vdmj", "annotations", "xsd2vdm", "fmuReader", "vdmcheck2"):
         jar = next(p for p in repository.rglob(f"{name}-*.jar") if "maven" not in p.parts[-4:])
         shutil.copy(jar, folder / f"{name}.jar")

@@ -84,7 +84,6 @@ def symbolic_torque():
 @pytest.fixture(scope="module")
 def engine():
     """Function (pi, q, dq) -> M, C dq + N from MuJoCo, any pi, as a combination of eight arms."""
-    pytest.importorskip("mujoco")
     from cosim.arm.segments import segment_pi
     from tests.arm.test_mujoco import basis
     from tests.support.engine_arm import Engine, parallelogram

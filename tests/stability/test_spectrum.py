@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+import qpmr
+import tdcpy
 
 from cosim.stability.criteria import closed_form
 from cosim.stability.spectrum import (
@@ -15,9 +17,6 @@ from cosim.stability.spectrum import (
     root_rate,
     roots,
 )
-
-tdcpy = pytest.importorskip("tdcpy")
-qpmr = pytest.importorskip("qpmr")
 
 
 def random_sides(rng, equal):

@@ -105,6 +105,7 @@ def states(params, seed):
     """Random states of the whole box where M of this set is positive definite, with torques and tip forces."""
     q = BOX.sample(6 * COUNT, seed)
     q = q[np.linalg.eigvalsh(dynamics.mass_matrix(params.pi, q))[:, 0] > 1e-6][:COUNT]
+    assert len(q) == COUNT
     rng = np.random.default_rng(seed)
     return q, rng.uniform(-5, 5, q.shape), rng.uniform(-0.3, 0.3, q.shape), rng.uniform(-3, 3, q.shape)
 

@@ -1,7 +1,6 @@
-"""The same bits on other platforms: the binaries inside one FMU, run natively, under wine and under qemu-user.
+"""The same bits on other platforms: the binaries inside one FMU, run natively, under Wine and under QEMU.
 
-A command of its own: pytest -m slow tests/platforms/test_build_platforms.py. Debian: wine, qemu-user,
-libc6-arm64-cross.
+A command of its own: pytest -m platforms. Debian: apt install wine64 qemu-user libc6-arm64-cross.
 """
 
 import subprocess
@@ -17,7 +16,7 @@ from build_fmus.compiler import PLATFORMS, find_compiler, this_platform
 from tests.support.needs import ARM_LIBRARIES, wine
 from tests.support.paths import SUPPORT
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.platforms]
 HEADERS = Path(find_spec("fmpy").origin).parent / "c-code"
 
 # a life with friction, hysteresis, encoders, an elastic joint, random delays: everything that computes

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
 from cosim.signals import TYPES, FmuDescription, Variable, index_of, stem
-from cosim.wiring.wiring import Wiring
 
 _SETTABLE = {"parameter", "input", "structuralParameter"}
 
@@ -105,15 +104,3 @@ def vector_starts(starts: Mapping[str, float | str]) -> dict[str, list[float | s
     for name, value in starts.items():
         groups.setdefault(stem(name), []).append((index_of(name), value))
     return {key: [value for _, value in sorted(entries, key=lambda e: e[0])] for key, entries in groups.items()}
-
-
-def resolved_starts(wiring: Wiring) -> dict[str, float | str]:
-    """Every start value of a run by `component.variable`: what the scenario sets, else what the FMU declares."""
-    found: dict[str, float | str] = {}
-    for component, description in wiring.descriptions.items():
-        given = wiring.starts[component]
-        for name, variable in description.variables.items():
-            value = given.get(name, variable.start)
-            if value is not None:
-                found[f"{component}.{name}"] = value
-    return found

@@ -115,3 +115,15 @@ class Wiring:
 
 def _mean(paths: tuple[DelayPath, ...]) -> float:
     return sum(path.age for path in paths) / len(paths) if paths else 0.0
+
+
+def resolved_starts(wiring: Wiring) -> dict[str, float | str]:
+    """Every start value of a run by `component.variable`: what the scenario sets, else what the FMU declares."""
+    found: dict[str, float | str] = {}
+    for component, description in wiring.descriptions.items():
+        given = wiring.starts[component]
+        for name, variable in description.variables.items():
+            value = given.get(name, variable.start)
+            if value is not None:
+                found[f"{component}.{name}"] = value
+    return found

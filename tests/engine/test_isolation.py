@@ -23,6 +23,8 @@ from cosim.fmu import open_system
 from cosim.results.files import read_h5
 from cosim.scenario import load_scenario, load_text, with_parameters
 
+pytestmark = pytest.mark.usefixtures("children_crash")
+
 CLOCK = b"""
 /* y counts the milliseconds; at `last` the model dies in one of several ways */
 #include <stdlib.h>

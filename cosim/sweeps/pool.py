@@ -109,8 +109,9 @@ class LocalPool(Workers):
     """`count` worker processes; one that dies is replaced.
 
     On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned,
-    because by then this process may have threads, which do not survive a fork. The threads of numpy's BLAS would compete
-    with the workers for the cores: set OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim` does.
+    because by then this process may have threads, which do not survive a fork. The threads of numpy's BLAS would
+    compete with the workers for the cores: set OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim`
+    does.
     """
 
     def __init__(self, count: int) -> None:

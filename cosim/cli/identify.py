@@ -54,5 +54,5 @@ def command(
     print(verdict(found))
     for parameter in found.parameters:
         low, high = parameter.interval
-        print(f"  {parameter.name:14s} {parameter.value: .6g}  [{low: .6g}, {high: .6g}] {parameter.unit}")
+        print(f"  {parameter.label!s:14s} {parameter.value: .6g}  [{low: .6g}, {high: .6g}] {parameter.unit}")
     print(f"written: {out / 'identification.json'}, {out / 'report.html'}")

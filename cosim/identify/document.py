@@ -2,16 +2,17 @@
 
 import math
 from importlib.metadata import version
+from typing import Any
 
 from cosim.identify.identification import Identification, unexcited
 from cosim.identify.idim import Idim, IdimFit
 
 
-def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict:
+def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict[str, Any]:
     """The identification as a JSON table; NaN becomes null."""
     return _clean(
         {
-            "device": found.recording.device,
+            "device": found.recording.device.word,
             "files": list(found.recording.files),
             "joints": list(found.recording.joints),
             "method": found.method.text(),
@@ -24,7 +25,7 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
             },
             "condition_number": found.identifiability.condition,
             "rank": found.identifiability.rank,
-            "unexcited": list(unexcited(found)),
+            "unexcited": [str(label) for label in unexcited(found)],
             "mass_matrix_positive_definite": found.positive_definite,
             "intervals": {
                 "level": 0.95,
@@ -46,10 +47,10 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
     )
 
 
-def _parameters(found: Identification) -> list[dict]:
+def _parameters(found: Identification) -> list[dict[str, Any]]:
     return [
         {
-            "name": p.name,
+            "name": str(p.label),
             "value": p.value,
             "std": p.std,
             "std_white": p.std_white,
@@ -60,7 +61,7 @@ def _parameters(found: Identification) -> list[dict]:
     ]
 
 
-def _idim(idim: Idim | None) -> dict | None:
+def _idim(idim: Idim | None) -> dict[str, Any] | None:
     if idim is None:
         return None
     return {
@@ -71,7 +72,7 @@ def _idim(idim: Idim | None) -> dict | None:
     }
 
 
-def _fit(fit: IdimFit) -> dict:
+def _fit(fit: IdimFit) -> dict[str, Any]:
     names = ("inertia", "viscous", "coulomb", "offset", "gravity_sin", "gravity_cos")
     return {
         "parameters": dict(zip(names, fit.params.tolist(), strict=False)),
@@ -79,7 +80,7 @@ def _fit(fit: IdimFit) -> dict:
     }
 
 
-def _clean(value):
+def _clean(value: Any) -> Any:
     """numpy to plain Python, NaN and infinity to null."""
     if isinstance(value, dict):
         return {key: _clean(item) for key, item in value.items()}

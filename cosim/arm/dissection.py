@@ -44,7 +44,7 @@ class Waves:
 
     def scaled(self, factors: np.ndarray) -> "Waves":
         """The same waves with each joint's amplitudes times a factor (joints,)."""
-        return Waves(self.centre, self.frequency, self.amplitude * np.asarray(factors)[:, None], self.phase)
+        return Waves(self.centre, self.frequency, self.amplitude * factors[:, None], self.phase)
 
 
 CENTRE = (0.0, 0.35, 0.45)
@@ -71,9 +71,9 @@ def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, work
     low, high = 0.0, 1.0
     for _ in range(30):
         middle = (low + high) / 2
-        inside = workspace.contains(waves.scaled((1.0, middle, middle)).motion(time).q).all()
+        inside = workspace.contains(waves.scaled(np.array([1.0, middle, middle])).motion(time).q).all()
         low, high = (middle, high) if inside else (low, middle)
-    return waves.scaled((1.0, low, low)).motion(time)
+    return waves.scaled(np.array([1.0, low, low])).motion(time)
 
 
 def sampled_motion(time: np.ndarray, q: np.ndarray, dq: np.ndarray) -> ArmMotion:

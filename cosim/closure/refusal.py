@@ -73,7 +73,7 @@ def _static(model: Model, j: int) -> str:
     s = model.setting
     rows, m = s.rows, s.motion
     use = s.use[j] if s.use[j].sum() >= 200 else np.ones(len(rows.index), bool)
-    if use.sum() < 100 or s.device == "regressor":
+    if use.sum() < 100 or s.device.recorded_columns:
         return ""
     q, dq, ddq, tau = (rows.filtered(x[:, [j]], False)[use, 0] for x in (m.q, m.dq, m.ddq, m.tau))
     static = np.stack((np.ones_like(q), q, np.sin(q), np.cos(q), dq), axis=1)

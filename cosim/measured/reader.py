@@ -1,13 +1,19 @@
 """Measured files to plain columns: CSV, Parquet, MAT and our own result.h5."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.measured.description import RecordingDescription
+
+if TYPE_CHECKING:
+    from pyarrow import ChunkedArray, Table
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".mat", ".h5", ".hdf5")
 
@@ -130,7 +136,7 @@ def _parquet(path: Path) -> RawTable:
         raise InputError(Problem(str(path), "a Parquet file", str(error).splitlines()[0])) from None
 
 
-def _from_arrow(path: Path, table, warnings: tuple[str, ...]) -> RawTable:
+def _from_arrow(path: Path, table: Table, warnings: tuple[str, ...]) -> RawTable:
     names = [name.strip().lstrip("\ufeff") for name in table.column_names]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -140,7 +146,7 @@ def _from_arrow(path: Path, table, warnings: tuple[str, ...]) -> RawTable:
     return RawTable(path, {name: _array(column) for name, column in zip(names, table.columns, strict=True)}, warnings)
 
 
-def _array(column) -> np.ndarray:
+def _array(column: ChunkedArray) -> np.ndarray:
     """Arrow column to float64 (empty cell: NaN) or, where it is no number, to str."""
     from pyarrow import float64, types
 
@@ -190,14 +196,23 @@ def _result(path: Path) -> RawTable:
 
     import h5py
 
+    columns: dict[str, np.ndarray] = {}
     try:
         with h5py.File(path, "r") as file:
-            columns = {"time": np.asarray(file["time"], float)}
-            for component, variables in file["signals"].items():
-                for data in variables.values():
-                    names = json.loads(data.attrs["elements"])
-                    columns |= {f"{component}.{name}": np.asarray(data[:, k], float) for k, name in enumerate(names)}
-            order = json.loads(file.attrs["signals"])
+
+            def collect(place: str, data: h5py.Group | h5py.Dataset) -> None:
+                if isinstance(data, h5py.Dataset):
+                    component, _, _ = place.partition("/")
+                    names = json.loads(str(data.attrs["elements"]))
+                    columns.update(
+                        {f"{component}.{name}": np.asarray(data[:, k], float) for k, name in enumerate(names)}
+                    )
+
+            columns["time"] = np.asarray(file["time"], float)
+            signals = file["signals"]
+            if isinstance(signals, h5py.Group):
+                signals.visititems(collect)
+            order = json.loads(str(file.attrs["signals"]))
     except (OSError, KeyError) as error:
         raise InputError(Problem(str(path), "a result.h5 of `cosim run`", str(error))) from None
     return RawTable(path, {name: columns[name] for name in ("time", *order)})

@@ -6,6 +6,7 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.measured.description import RecordingDescription
+from cosim.measured.device import Device
 
 
 @frozen(eq=False)
@@ -53,9 +54,11 @@ class Recording:
     files: tuple[str, ...] = ()
 
     @property
-    def device(self) -> str:
+    def device(self) -> Device:
+        """What was recorded."""
         return self.description.device
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints in words."""
         return self.description.joints

@@ -39,7 +39,7 @@ Note = Callable[[str], None]
 
 
 def repair(stretch: Stretch, note: Note) -> list[Stretch]:
-    """Even, complete stretches from one run; each repair is told to `note`. Raises InputError."""
+    """Even, complete stretches from one run; each repair is described to `note`. Raises InputError."""
     stretch = _timed(stretch, note)
     pieces = [piece for part in _restarts(stretch, note) for piece in _repair_times(part, note)]
     even = [_even(_unwrapped(_filled(piece, note), note), note) for piece in pieces]
@@ -126,7 +126,7 @@ def _complete(stretch: Stretch, note: Note) -> list[Stretch]:
         share = 100 * bad[:, column].mean()
         got = f"{share:.0f} % of the rows are empty, NaN or infinite"
         raise InputError(Problem(f"{stretch.name}: {stretch.names[column]}", "numbers", got))
-    hole = _long_holes(bad.any(axis=1))
+    hole = _long_holes(np.asarray(bad.any(axis=1)))
     if not hole.any():
         return [stretch]
     pieces = np.split(np.arange(len(hole)), np.flatnonzero(np.diff(hole.astype(int))) + 1)

@@ -10,7 +10,7 @@ from fmpy import simulate_fmu
 from cosim.arm.dynamics import inverse_dynamics
 from cosim.closure.closure import Closure, Options, close_loop
 from cosim.closure.document import sentence
-from cosim.closure.effects_file import stepped
+from cosim.closure.drive import stepped
 from cosim.closure.verdict import Answer, ClosureVerdict
 from cosim.measured import Recording, RecordingDescription, Run, parse_description
 from cosim.report.closure import save

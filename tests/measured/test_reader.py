@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
-from cosim.measured import RecordingDescription, parse_description, read
+from cosim.measured import PhantomDevice, RecordingDescription, parse_description, read
 
 STEP = 1e-3
 HEADER = "time,q1,q2,q3,tau1,tau2,tau3"
@@ -38,7 +38,9 @@ def warned(recording, *words):
 def test_plain_file_needs_no_description(tmp_path):
     recording = read([write(tmp_path / "a.csv", arm_columns())])
     run = recording.runs[0]
-    assert recording.device == "phantom" and run.q.shape == (2000, 3) and run.step == pytest.approx(STEP, rel=1e-12)
+    assert (
+        recording.device == PhantomDevice() and run.q.shape == (2000, 3) and run.step == pytest.approx(STEP, rel=1e-12)
+    )
     assert run.test.sum() == 1000 and not run.test[:1000].any()  # the contract: second half held out
     warned(recording, "second half")
 

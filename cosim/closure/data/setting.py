@@ -1,78 +1,90 @@
 """The regression problem of a recording: what is predicted, the columns of the complete model, the rows that count."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import field, frozen
 
 from cosim.closure.data.friction import FrictionLaw
 from cosim.closure.data.motion import FitRows, SmoothedMotion
-from cosim.measured import Recording
+from cosim.closure.data.rigid_body import RigidBody, rigid_body
+from cosim.effects.moving_arm import MovingArm, moving_arm
+from cosim.measured import Device, Label, Recording
 
 STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
+FEW_BLOCKS = 10  # fitted blocks for each recorded column, below which there are too many columns
+ColumnSlopes = Mapping[int, tuple[np.ndarray, np.ndarray]]
+"""How a rigid body's columns change with one joint: each joint -> numbers (k,) of the columns that change and their
+derivatives (n, k)."""
 
 
 @frozen(eq=False)
 class Setting:
-    """Fixed parts of the problem. Full-rate signals in motion; thinned and filtered: y, slope (J, m), linear (J, m, p),
-    dq (J, m).
+    """Fixed parts of the problem.
 
-    names (p,) of the linear columns; full (n, J, p) the same at the full rate; known (n, J) torque that is taken as
-    given, given (J, m) the same filtered;
-    equations(q, dq, ddq) (n, J, p): the columns of the rigid body at other motions, None where the device has none.
+    motion and body hold n rows at the full rate. Filtered and on m thinned rows: y, the torque that is to be explained,
+    its slope, viscous, given, which is what is known of the torque (J, m), and linear (J, m, p), the columns of the
+    body. use (J, m): rows to fit and judge on.
     """
 
-    device: str
+    device: Device
     motion: SmoothedMotion
     rows: FitRows
-    names: tuple[str, ...]
-    full: np.ndarray
-    known: np.ndarray
+    body: RigidBody
     linear: np.ndarray
     viscous: np.ndarray
     given: np.ndarray
     y: np.ndarray
     slope: np.ndarray
     use: np.ndarray
-    equations: Callable[..., np.ndarray] | None
-    declared_pi: np.ndarray | None
-    gravity: float
-    labels: tuple[str, ...]
     units: Mapping[str, str]
+    _slopes: dict[int, tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]] = field(factory=dict, init=False, repr=False)
 
     @property
     def joints(self) -> int:
+        """Number of joints J."""
         return self.motion.joints
 
     @property
+    def labels(self) -> tuple[Label, ...]:
+        """Labels (p,) of the rigid body's fitted parameters."""
+        return self.body.labels
+
+    @property
     def shrunk(self) -> int:
-        """Number of leading columns that are too many for the fitted blocks (fewer than ten blocks each): given ones
-        only.
-        """
-        given = len(self.names) - ("inertia" in self.names) if self.device == "regressor" else 0
-        return given if self.rows.train_blocks < 10 * given else 0
+        """Number of leading columns that are too many for the fitted blocks and get a penalty: recorded ones only."""
+        recorded = self.body.recorded
+        return recorded if self.rows.train_blocks < FEW_BLOCKS * recorded else 0
 
     @cached_property
-    def _slopes(self) -> dict:
-        return {}
+    def arm(self) -> MovingArm | None:
+        """The arm along the motion, where the device is one."""
+        return moving_arm(self.device, self.motion)
 
-    def slopes(self, joint: int) -> tuple[dict[int, tuple[np.ndarray, np.ndarray]], ...]:
-        """Derivatives of the equations by q_j, dq_j and ddq_j, by central differences, formed once: each joint ->
-        numbers (k,) of the
-        columns that change and their derivatives (n, k).
-        """
+    @cached_property
+    def searched_arm(self) -> MovingArm | None:
+        """The arm along `motion.searched`."""
+        return moving_arm(self.device, self.motion.searched[1])
+
+    def slopes(self, joint: int) -> tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]:
+        """Derivatives of the body's columns by q, dq and ddq of a joint, by central differences, computed once."""
         if joint not in self._slopes:
-            unit, states, out = STEP * np.eye(self.joints)[joint], (self.motion.q, self.motion.dq, self.motion.ddq), []
-            for place in range(3):
-                ahead, behind = (
-                    self.equations(*(x + sign * unit * (k == place) for k, x in enumerate(states))) for sign in (1, -1)
-                )
-                change = (ahead - behind) / (2 * STEP)
-                used = [np.flatnonzero(np.abs(change[:, j]).max(axis=0)) for j in range(self.joints)]
-                out.append({j: (k, np.ascontiguousarray(change[:, j, k])) for j, k in enumerate(used) if len(k)})
-            self._slopes[joint] = tuple(out)
+            self._slopes[joint] = (self._slope(joint, 0), self._slope(joint, 1), self._slope(joint, 2))
         return self._slopes[joint]
+
+    def _slope(self, joint: int, place: int) -> ColumnSlopes:
+        equations, unit = self.body.equations, STEP * np.eye(self.joints)[joint]
+        assert equations is not None, "only a body with equations of motion is differentiated"
+        states = (self.motion.q, self.motion.dq, self.motion.ddq)
+
+        def moved(sign: int) -> np.ndarray:
+            q, dq, ddq = (x + sign * unit * (k == place) for k, x in enumerate(states))
+            return equations(q, dq, ddq)
+
+        change = (moved(1) - moved(-1)) / (2 * STEP)
+        used = [np.flatnonzero(np.abs(change[:, j]).max(axis=0)) for j in range(self.joints)]
+        return {j: (k, np.ascontiguousarray(change[:, j, k])) for j, k in enumerate(used) if len(k)}
 
     def target(self, joint: int, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A joint's filtered torque tau (n, 1) less what is known of it, and its slope, both (m,)."""
@@ -80,48 +92,29 @@ class Setting:
         return y[0], slope[0]
 
     def sign(self, joint: int, law: FrictionLaw) -> np.ndarray:
-        """K F of the joint's smooth sign (m,)."""
+        """The joint's smooth sign (m,), filtered."""
         return self.rows.filtered(law(self.motion.dq[:, [joint]]), sharp=True)[:, 0]
 
 
 def formulate(recording: Recording, motion: SmoothedMotion, rows: FitRows) -> Setting:
     """The regression problem of the recording's device."""
-    description = recording.description
-    declared = (
-        np.array(description.declared_pi)
-        if description.parameters == "declared" and recording.device == "phantom"
-        else None
-    )
-    names, equations = _EQUATIONS[recording.device](description)
-    raw_columns = recording.device == "regressor"
-    if raw_columns:
-        names, full, known = _regressor(motion, description)
-    else:
-        full, known = equations(motion.q, motion.dq, motion.ddq), np.zeros_like(motion.q)
-    if declared is not None:
-        names, full, known = (), full[..., :0], full @ declared
-    linear = np.stack([rows.filtered(full[:, j], sharp=raw_columns) for j in range(motion.joints)])
-    given = rows.filtered(known, raw_columns).T
+    device, columns = recording.device, recording.description.columns
+    body = rigid_body(device, motion, columns)
+    sharp = device.recorded_columns
+    given = rows.filtered(body.known, sharp).T
     y, slope = _targets(motion, rows, motion.tau, given)
-    gravity = -9.81 if description.configuration.startswith("USD") else 9.81
     return Setting(
-        device=recording.device,
+        device=device,
         motion=motion,
         rows=rows,
-        names=names,
-        full=full,
-        known=known,
-        linear=linear,
+        body=body,
+        linear=np.stack([rows.filtered(body.columns[:, j], sharp) for j in range(motion.joints)]),
         viscous=rows.filtered(motion.dq, False).T,
+        given=given,
         y=y,
         slope=slope,
-        given=given,
         use=rows.moving.T.copy(),
-        equations=equations,
-        declared_pi=declared,
-        gravity=gravity,
-        labels=recording.joints,
-        units=description.columns.other,
+        units=columns.other,
     )
 
 
@@ -129,46 +122,3 @@ def _targets(
     motion: SmoothedMotion, rows: FitRows, tau: np.ndarray, given: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     return rows.filtered(tau, False).T - given, rows.filtered(motion.rate(tau), False).T
-
-
-def without(setting: Setting, use: np.ndarray) -> Setting:
-    """The same problem on other rows; use (J, m) bool."""
-    return evolve(setting, use=use)
-
-
-def _phantom(description):
-    from cosim.arm.dynamics import regressor
-
-    return tuple(f"pi[{k + 1}]" for k in range(8)), regressor
-
-
-def _axis(description):
-    def equations(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        parts = (ddq, np.ones_like(q), *((np.sin(q), np.cos(q)) if description.gravity else ()))
-        return np.stack(parts, axis=2)
-
-    return ("inertia", "torque_offset", *(("gravity_sin", "gravity_cos") if description.gravity else ())), equations
-
-
-def _regressor(motion: SmoothedMotion, description):
-    """Given columns, and the joint's own inertia where they cannot make it: rotors are seldom in a regressor of the
-    links.
-    """
-    n = len(motion.time)
-    columns = np.zeros((n, 0)) if motion.regressor is None else motion.regressor
-    known = np.zeros((n, 1)) if motion.rigid is None else motion.rigid[:, None]
-    names = tuple(description.columns.regressor)
-    if _new(motion.ddq, columns):
-        columns, names = np.concatenate([columns, motion.ddq], axis=1), (*names, "inertia")
-    return names, columns[:, None, :], known
-
-
-def _new(column: np.ndarray, columns: np.ndarray) -> bool:
-    """Whether less than 99 % of a column (n, 1) lies within the others."""
-    if columns.shape[1] == 0:
-        return True
-    left = column - columns @ np.linalg.lstsq(columns, column, rcond=1e-8)[0]
-    return float((left**2).sum()) > 0.01 * float((column**2).sum())
-
-
-_EQUATIONS = {"phantom": _phantom, "axis": _axis, "regressor": lambda description: ((), None)}

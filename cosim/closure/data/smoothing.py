@@ -93,11 +93,13 @@ def choose_widths(q_runs: list[np.ndarray], step: float) -> Widths:
     noise = np.sqrt(np.mean([position_noise(q) ** 2 for q in q_runs], axis=0))
     floor = max(TOTALS[0], 3.0 * step)
     choices = [t for t in TOTALS if t >= floor] or [floor]
-    for total in choices:
-        first = max(total / 2, 1.5 * step)
+
+    def quiet(total: float) -> bool:
         made = noise * noise_left(total, step, derivative=2)
         weights = curve_kernel(total / step)
         moved = np.sqrt(np.mean(np.concatenate([convolve(q, weights) for q in q_runs]) ** 2, axis=0)) / step**2
-        if (made <= NOISE_SHARE * np.maximum(moved, 1e-12)).all():
-            break
+        return bool((made <= NOISE_SHARE * np.maximum(moved, 1e-12)).all())
+
+    total = next(filter(quiet, choices), choices[-1])
+    first = max(total / 2, 1.5 * step)
     return Widths(first, float(np.sqrt(max(total**2 - first**2, (0.5 * total) ** 2))))

@@ -11,7 +11,6 @@ import numpy as np
 from cosim.closure.data.motion import SmoothedMotion
 from cosim.closure.data.smoothing import convolve, kernel, noise_left, position_noise
 from cosim.closure.model.model import Model
-from cosim.effects.transmission import slopes
 
 SAME = 0.01  # RMS difference of two cycles of a joint, as a share of its own RMS about the mean
 SHORTEST = 0.5  # s, shortest period
@@ -47,7 +46,7 @@ def from_encoders(model: Model) -> np.ndarray | None:
     scene, m = model.scene, model.setting.motion
     if scene.rigid_slopes is None or not m.differentiated:
         return None
-    inertia = np.array([np.sqrt(np.mean(slopes(scene, j)[2][j] ** 2)) for j in range(m.joints)])
+    inertia = np.array([np.sqrt(np.mean(scene.joint(j).slopes[2][j] ** 2)) for j in range(m.joints)])
     return inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2)
 
 

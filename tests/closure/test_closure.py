@@ -9,13 +9,13 @@ from attrs import evolve
 
 from cosim.closure import effects_file
 from cosim.closure.closure import NO_BETTER, Options, close_loop
-from cosim.closure.data.motion import prepare, thinned
-from cosim.closure.data.setting import formulate
-from cosim.closure.data.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.document import answer, sentence
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import complete
+from cosim.closure.model.motion import prepare, thinned
+from cosim.closure.model.setting import formulate
+from cosim.closure.model.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.score.selection import Rule
 from cosim.closure.verdict import Answer
 from cosim.effects import BUILT_IN, library

@@ -10,7 +10,7 @@ import numpy as np
 from attrs import frozen
 
 from cosim.arm.dynamics import regressor
-from cosim.closure.data.motion import SmoothedMotion
+from cosim.closure.model.motion import SmoothedMotion
 from cosim.measured.columns import ColumnNames
 from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice
 from cosim.measured.label import Label

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.data.smoothing import (
+from cosim.closure.model.smoothing import (
     REACH,
     Widths,
     choose_widths,

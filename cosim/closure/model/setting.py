@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from attrs import field, frozen
 
-from cosim.closure.data.friction import FrictionLaw
-from cosim.closure.data.motion import FitRows, SmoothedMotion
-from cosim.closure.data.rigid_body import RigidBody, rigid_body
+from cosim.closure.model.friction import FrictionLaw
+from cosim.closure.model.motion import FitRows, SmoothedMotion
+from cosim.closure.model.rigid_body import RigidBody, rigid_body
 from cosim.effects.moving_arm import MovingArm, moving_arm
 from cosim.measured import Device, Label, Recording
 

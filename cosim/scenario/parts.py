@@ -26,12 +26,31 @@ class Extrapolation(Enum):
     LINEAR = "linear"
 
 
+class FmuLogging(Enum):
+    """What is kept of the messages of FMUs: warnings and errors, or all that they tell when asked to."""
+
+    WARNINGS = "warnings"
+    ALL = "all"
+
+
+class Conversion(Enum):
+    """What a connection does to a value where the types of its ends differ; it must be wished for."""
+
+    ROUND = "round"
+    FLOOR = "floor"
+    CEIL = "ceil"
+    NONZERO = "nonzero"
+    NUMBER = "number"
+
+
 @frozen
 class Experiment:
     """How long [s], in which communication steps [s, whole nanoseconds], by which algorithm.
 
     `order` fixes the order of Gauss-Seidel (empty: found from the wiring); every `record_every`-th step is kept; a run
-    ends as diverged once the absolute value of an output passes `bound`; `seed` goes to every component with a `seed`.
+    ends as diverged once an output passes `bound` times its usual size (see cosim.wiring.bounds); `seed` goes to every
+    component with a `seed`; FMUs are told `tolerance` (None: that of their default experiment) and the stop time;
+    `record` names variables to record beside the outputs, `a.local_*`.
     """
 
     stop: float
@@ -43,6 +62,9 @@ class Experiment:
     fmi: int = 2
     seed: int = 0
     bound: float = 1e6
+    tolerance: float | None = None
+    logging: FmuLogging = FmuLogging.WARNINGS
+    record: tuple[str, ...] = ()
 
     @property
     def step_ns(self) -> int:
@@ -89,13 +111,18 @@ class Component:
 
 @frozen
 class Connection:
-    """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`)."""
+    """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`).
+
+    conversion: what is done where the types differ, written `a.x -> b.n (round)`; None: they must not.
+    """
 
     source: Signal
     target: Signal
+    conversion: Conversion | None = None
 
     def __str__(self) -> str:
-        return f"{self.source} -> {self.target}"
+        wish = f" ({self.conversion.value})" if self.conversion else ""
+        return f"{self.source} -> {self.target}{wish}"
 
 
 @frozen

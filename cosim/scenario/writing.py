@@ -17,9 +17,9 @@ def to_toml(scenario: ScenarioParts) -> str:
     lines += ["", "[experiment]", *_entries(scenario.experiment)]
     lines += ["", "[teleoperation]", *_entries(scenario.teleoperation)]
     for name, component in scenario.components.items():
-        lines += ["", f"[components.{name}]", *_entries(component)]
+        lines += ["", f"[components.{_bare(name)}]", *_entries(component)]
         if component.parameters:
-            lines += [f"[components.{name}.parameters]"]
+            lines += [f"[components.{_bare(name)}.parameters]"]
             lines += [f"{_bare(key)} = {_value(value)}" for key, value in component.parameters.items()]
     return "\n".join(lines) + "\n"
 
@@ -49,7 +49,16 @@ def _value(value: object) -> str:
         return "[" + ", ".join(_value(item) for item in value) + "]"
     if callable(tolist := getattr(value, "tolist", None)):  # numbers and arrays of numpy
         return _value(tolist())
-    return '"' + "".join(_ESCAPES.get(c, c) for c in str(value)) + '"'
+    return (
+        '"'
+        + "".join(_ESCAPES.get(c) or (c if c.isprintable() or c > "\x7f" else f"\\u{ord(c):04x}") for c in str(value))
+        + '"'
+    )
 
 
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def _escaped(character: str) -> str:
+    control = ord(character) < 32 or ord(character) == 127
+    return _ESCAPES.get(character) or (f"\\u{ord(character):04x}" if control else character)

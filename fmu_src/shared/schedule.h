@@ -6,12 +6,16 @@
 
 enum { SET, STEP, GET }; /* kinds of operation */
 
-/* SET: source (all inputs), then along lines. STEP: over `size` seconds. */
+/* SET: source (all inputs), then along lines, then gain and shift. STEP: over `size` seconds. */
 typedef struct {
     int64_t kind, component, n_source, n_line, inside;
     const int64_t *source, *line, *newer, *older;
     const double *weight, *span;
     double size; /* s */
+    int64_t
+        n_scaled; /* inputs whose unit is turned into another one (the executor; the kernel's components have none) */
+    const int64_t *scaled;
+    const double *gain, *shift;
 } Operation;
 
 /* A communication step: operations, and the places that its row is taken from. */

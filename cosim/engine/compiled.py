@@ -14,7 +14,8 @@ from __future__ import annotations
 import ctypes
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_void_p
 from functools import cache
 from typing import cast
@@ -384,4 +385,18 @@ class CompiledExecutor:
             return ending
         if self.loop is None or self.loop.store is not job.store:
             self.loop = _CompiledLoop(job)
-        return self.loop.run(job, progress)
+        with _clocked(job):
+            return self.loop.run(job, progress)
+
+
+@contextmanager
+def _clocked(job: Execution) -> Iterator[None]:
+    """While C calls the FMUs, the mark tells their loggers the time."""
+    instances = _as_fmus(job.instances)
+    for instance in instances:
+        instance.clock = lambda: seconds(int(job.mark[0]), job.schedule.step_ns)
+    try:
+        yield
+    finally:
+        for instance in instances:
+            instance.clock = None

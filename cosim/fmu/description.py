@@ -10,7 +10,7 @@ from typing import Any
 from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
-from cosim.fmu.places import Progress, digest, fmu_file, stamp
+from cosim.fmu.places import Progress, digest, fmu_file, recording_warnings, stamp
 from cosim.scenario import Scenario
 from cosim.signals import WHOLE, FmuDescription, Unit, Variable
 
@@ -48,7 +48,9 @@ def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[s
     found, problems = {}, []
     for name, component in scenario.components.items():
         try:
-            found[name] = describe(fmu_file(component, scenario, progress), component.parameters)
+            description = describe(fmu_file(component, scenario, progress), component.parameters)
+            warnings = recording_warnings(component, scenario)
+            found[name] = evolve(description, warnings=warnings) if warnings else description
         except InputError as error:
             problems += [evolve(p, where=f"{scenario.name}: components.{name}: {p.where}") for p in error.problems]
     if problems:

@@ -28,6 +28,7 @@ class FmuInstance(Instance):
         super().__init__(name, description)
         self.logging = logging
         self.messages = MessageLog(name, everything=logging)
+        self.clock: Callable[[], float] | None = None  # tells the time while a loop in C calls the FMU
         self.fmu: Any = None  # fmpy's object, which differs between the versions; None once freed
         try:
             self.fmu = self._load()
@@ -240,7 +241,8 @@ class FmuInstance(Instance):
 
     def _log(self, status: int, text: bytes | None) -> None:
         if text:
-            self.messages.hear(status, text.decode("utf-8", "replace").strip(), self.time)
+            now = self.time if self.clock is None else self.clock()
+            self.messages.hear(status, text.decode("utf-8", "replace").strip(), now)
 
     def guard(self, names: Sequence[str]) -> ValueGuard:
         """What values of variables of one type must be."""

@@ -87,6 +87,7 @@ class Component:
     """An FMU instance: of one of our models, of a file, or of a recording (columns of a CSV, played back as y[1], y[2],
     ...).
 
+    A recording's stamps are moved by `offset` [s] to the time of the run; with `repeat` it begins again at its end.
     `parameters` maps FMU parameter names (`q_start`, a list or one value for all elements, or `q_start[2]`) to values;
     `parameter_set` names one of the arm's published sets, which `parameters` override.
     """
@@ -99,6 +100,8 @@ class Component:
     interpolation: Extrapolation = Extrapolation.LINEAR
     unit: str = ""
     scale: float = 1.0
+    offset: float = 0.0
+    repeat: bool = False
     step_multiple: int = 1
     parameter_set: str | None = None
     parameters: Mapping[str, object] = field(factory=dict)

@@ -69,6 +69,7 @@ def _converter():
     converter.register_structure_hook(float, lambda value, _: float(_strict(value, (int, float), "a number")))
     converter.register_structure_hook(int, lambda value, _: _strict(value, int, "a whole number"))
     converter.register_structure_hook(str, lambda value, _: _strict(value, str, "text"))
+    converter.register_structure_hook(bool, lambda value, _: _strict(value, bool, "true or false"))
     converter.register_structure_hook(
         str | None, lambda value, _: None if value is None else _strict(value, str, "text")
     )

@@ -84,6 +84,7 @@ def check(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> tup
         *scenario.warnings,
         *_apart(scenario),
         *tool_warnings(scenario, descriptions),
+        *(f"{name}: {warning}" for name in scenario.components for warning in descriptions[name].warnings),
         *scaled_links(links, descriptions),
         *starved(scenario, descriptions, links),
     )

@@ -137,7 +137,8 @@ class FmuDescription:
 
     `tolerance`, `step`: of its default experiment; `platforms`: those that it has a binary for, in its own words;
     `needs_tool`: whether it only runs where the tool that made it is installed; `sizes`: structural parameters that
-    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use.
+    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use;
+    `categories`: of the messages that it can be asked for.
     """
 
     model: str
@@ -159,6 +160,7 @@ class FmuDescription:
     tool: str = ""
     sizes: tuple[tuple[str, int], ...] = ()
     warnings: tuple[str, ...] = ()
+    categories: tuple[str, ...] = ()
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""

@@ -56,9 +56,9 @@ class Bank:
         if (status := self.call()) > 1:
             checker.check(status, self.what)
         if not self.shared:
-            self.array[:] = self.buffer[self.places]
             if self.guard is not None:
-                self.guard.exact(self.array, checker)
+                self.guard.exact(self.buffer[self.places], checker)
+            self.array[:] = self.buffer[self.places]
 
 
 _CONVERTED: Mapping[Conversion, Callable[[np.ndarray], np.ndarray]] = {
@@ -109,8 +109,11 @@ class ValueGuard:
 
     def exact(self, values: np.ndarray, checker: StatusChecker) -> None:
         """Raises RunError for a whole number that a double may not hold exactly."""
-        if self.whole and (np.abs(values) > EXACT).any():
-            k = int(np.argmax(np.abs(values)))
+        if not self.whole or values.itemsize < 8:
+            return
+        large = (values > EXACT) | (values < (-EXACT if values.dtype.kind == "i" else 0))
+        if large.any():
+            k = int(np.argmax(large))
             checker.unfit(self.names[k], "a whole number up to 2^53, which a double holds exactly", values[k])
 
 

@@ -60,12 +60,12 @@ def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[s
 
 @lru_cache(maxsize=256)
 def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int], ...]) -> FmuDescription:
-    model = _read(path)
-    problem = _no_cosimulation(path, model)
+    model = model_of(path)
+    problem = no_cosimulation(path, model)
     if problem is not None:
         raise InputError(problem)
     interface, experiment = model.coSimulation, model.defaultExperiment
-    sizes = _sizes(model, dict(given))
+    sizes = structural_sizes(model, dict(given))
     units = {u.name: _unit(u) for u in model.unitDefinitions}
     return FmuDescription(
         model.modelName,
@@ -86,10 +86,11 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
         interface.needsExecutionTool,
         model.generationTool or "",
         given,
+        categories=tuple(category.name for category in model.logCategories),
     )
 
 
-def _read(path: str) -> Any:
+def model_of(path: str) -> Any:
     """fmpy's description of a model; every field of it may be None to a checker. Raises InputError."""
     import fmpy
 
@@ -99,7 +100,7 @@ def _read(path: str) -> Any:
         raise InputError(Problem(path, "an FMU", str(error) or type(error).__name__)) from None
 
 
-def _no_cosimulation(path: str, model: Any) -> Problem | None:
+def no_cosimulation(path: str, model: Any) -> Problem | None:
     """The problem of an FMU that cannot be stepped here; None where it can."""
     expected = "a co-simulation FMU of FMI 2.0 or 3.0"
     kinds = [
@@ -161,7 +162,7 @@ def _unit(unit: Any) -> Unit:
 # --- variables --------------------------------------------------------------------------------------------------------
 
 
-def _sizes(model: Any, given: Mapping[str, int]) -> dict[int, int]:
+def structural_sizes(model: Any, given: Mapping[str, int]) -> dict[int, int]:
     """Values of the structural parameters by value reference: the given ones, else the start values."""
     found = (v for v in model.modelVariables if v.causality == "structuralParameter" and v.type in WHOLE)
     return {v.valueReference: given.get(v.name, int(v.start or 0)) for v in found}
@@ -173,7 +174,7 @@ def _variables(model: Any, units: Mapping[str, Unit], sizes: Mapping[int, int]) 
     if _takes_slopes(model):
         inputs = (v for v in model.modelVariables if v.causality == "input" and v.name.startswith("der("))
         slopes = {v.name[4:-1]: v.valueReference for v in inputs}
-    shapes = {v.name: _shape(v, sizes) for v in model.modelVariables}
+    shapes = {v.name: shape_of(v, sizes) for v in model.modelVariables}
     if (count := sum(math.prod(shape) for shape in shapes.values())) > _LARGEST:
         raise InputError(Problem(model.modelName, f"at most {_LARGEST} elements of arrays", str(count)))
     found = {}
@@ -184,7 +185,7 @@ def _variables(model: Any, units: Mapping[str, Unit], sizes: Mapping[int, int]) 
     return found
 
 
-def _shape(v: Any, sizes: Mapping[int, int]) -> tuple[int, ...]:
+def shape_of(v: Any, sizes: Mapping[int, int]) -> tuple[int, ...]:
     """How many values an array has along each dimension; empty for a scalar."""
     return tuple(int(d.start) if d.start is not None else sizes[d.valueReference] for d in v.dimensions or ())
 

@@ -22,7 +22,7 @@ class Fmi2Instance(FmuInstance):
 
     prefix = "fmi2"
 
-    def _load(self) -> Any:
+    def _load(self, logging: bool) -> Any:
         from fmpy import fmi2
 
         self.callbacks = _callbacks(self)
@@ -33,7 +33,7 @@ class Fmi2Instance(FmuInstance):
                 instanceName=self.name,
                 unzipDirectory=str(extracted(Path(self.description.path))),
             )
-            fmu.instantiate(callbacks=self.callbacks, loggingOn=self.logging)
+            fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
         return fmu
 
     def _kind(self, type_name: str) -> str:

@@ -34,7 +34,7 @@ class Fmi3Instance(FmuInstance):
 
     prefix = "fmi3"
 
-    def _load(self) -> Any:
+    def _load(self, logging: bool) -> Any:
         from fmpy import fmi3
 
         with LOADING:
@@ -44,9 +44,7 @@ class Fmi3Instance(FmuInstance):
                 instanceName=self.name,
                 unzipDirectory=str(extracted(Path(self.description.path))),
             )
-            fmu.instantiate(
-                loggingOn=self.logging, logMessage=lambda _, status, category, text: self._log(status, text)
-            )
+            fmu.instantiate(loggingOn=logging, logMessage=lambda _, status, category, text: self._log(status, text))
         self.flags = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
         self.reached = ctypes.c_double()
         return fmu

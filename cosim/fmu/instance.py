@@ -30,19 +30,35 @@ class FmuInstance(Instance):
         self.messages = MessageLog(name, everything=logging)
         self.clock: Callable[[], float] | None = None  # tells the time while a loop in C calls the FMU
         self.fmu: Any = None  # fmpy's object, which differs between the versions; None once freed
-        try:
-            self.fmu = self._load()
-        except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions: no binary here, wrong token, ...
-            raise RunError(name, None, self._with_words(f"cannot be loaded: {error}")) from None
+        self.fmu = self._loaded()
+        if not logging:
+            self._ask_for_warnings()
         self.fresh = True
         self.sloped: tuple[str, ...] | None = None
         self.setters: list[Bank] = []
         self.getters: list[Bank] = []
         self.parts: list[tuple[np.ndarray, Sequence[int]]] = []  # arrays of which only some elements are wired
 
+    def _loaded(self) -> Any:
+        """fmpy's object, instantiated. An FMU that refuses is asked once more, now with logging, for its reason."""
+        for logging in dict.fromkeys((self.logging, True)):
+            try:
+                return self._load(logging)
+            except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions: no binary here, wrong token, ...
+                reason = error
+                if self.messages.recent:
+                    break
+        raise RunError(self.name, None, self._with_words(f"cannot be loaded: {reason}"))
+
+    def _ask_for_warnings(self) -> None:
+        """Turn the standard categories of warnings and errors on, where the FMU has them: some say nothing else."""
+        wanted = [c.encode() for c in self.description.categories if c in _SERIOUS]
+        if wanted and self.has("SetDebugLogging"):
+            self.function("SetDebugLogging")(self.component, 1, len(wanted), (ctypes.c_char_p * len(wanted))(*wanted))
+
     # what the two versions do differently
 
-    def _load(self) -> Any:
+    def _load(self, logging: bool) -> Any:
         """Load the library and instantiate."""
         raise NotImplementedError
 
@@ -180,7 +196,10 @@ class FmuInstance(Instance):
             bank.get(self)
 
     def get_text(self, name: str) -> str | bytes:
-        return self._text("get", name)[0]
+        (value,) = self._text("get", name)
+        if isinstance(value, bytes) and self.description.variables[name].kind == "String":
+            return value.decode("utf-8")
+        return b"" if value is None else value
 
     def set_text(self, name: str, text: str | bytes) -> None:
         self._text("set", name, [text])
@@ -223,7 +242,7 @@ class FmuInstance(Instance):
 
     def unfit(self, name: str, expected: str, got: float) -> None:
         """Raise RunError for a value that a variable's type cannot hold."""
-        raise RunError(self.name, self.time, f"expected {expected}, got {got:.17g}", name)
+        raise RunError(self.name, self.time, f"expected {expected}, got {_exact(got)}", name)
 
     def _error(self, what: str) -> RunError:
         return RunError(self.name, self.time, self._with_words(what))
@@ -249,6 +268,10 @@ class FmuInstance(Instance):
         return ValueGuard.of([self.description.variables[name] for name in names], self.conversions)
 
 
+def _exact(value: float) -> str:
+    return str(int(value)) if float(value).is_integer() else f"{value:.17g}"
+
+
 def _handed(kind: str, value: float | str) -> object:
     """A start value as fmpy's setters take it."""
     if isinstance(value, str):
@@ -267,4 +290,5 @@ def whole_arrays(variables: Sequence[Variable]) -> tuple[list[int], np.ndarray, 
     return list(sizes), places, int(ends[-1]) if len(ends) else 0
 
 
+_SERIOUS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 _STATUS = {2: "discarded", 3: "error", 4: "fatal error", 5: "pending"}

@@ -148,7 +148,8 @@ def _unfit_number(variable: Variable, value: float, where: str) -> Problem | Non
     low, high = variable.limits
     if low <= value <= high:
         return None
-    return Problem(where, f"a value in [{low:.10g}, {high:.10g}] {variable.unit.name}".rstrip(), repr(value))
+    shown = [str(v) if isinstance(v, int) else f"{v:g}" for v in (low, high)]
+    return Problem(where, f"a value in [{', '.join(shown)}] {variable.unit.name}".rstrip(), repr(value))
 
 
 def vector_starts(starts: Mapping[str, float | str]) -> dict[str, list[float | str]]:

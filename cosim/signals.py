@@ -137,8 +137,7 @@ class FmuDescription:
 
     `tolerance`, `step`: of its default experiment; `platforms`: those that it has a binary for, in its own words;
     `needs_tool`: whether it only runs where the tool that made it is installed; `sizes`: structural parameters that
-    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use;
-    `categories`: of the messages that it can be asked for.
+    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use.
     """
 
     model: str
@@ -160,7 +159,6 @@ class FmuDescription:
     tool: str = ""
     sizes: tuple[tuple[str, int], ...] = ()
     warnings: tuple[str, ...] = ()
-    categories: tuple[str, ...] = ()
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""

@@ -86,7 +86,6 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
         interface.needsExecutionTool,
         model.generationTool or "",
         given,
-        categories=tuple(category.name for category in model.logCategories),
     )
 
 
@@ -207,7 +206,7 @@ def _element_names(name: str, shape: tuple[int, ...]) -> list[str]:
 
 
 @frozen
-class _Scalar:
+class _Element:
     """An element of a variable: its name, its place among how many, its start value."""
 
     name: str
@@ -216,10 +215,10 @@ class _Scalar:
     start: float | str | None
 
 
-def _scalars(v: Any, shape: tuple[int, ...]) -> list[_Scalar]:
+def _scalars(v: Any, shape: tuple[int, ...]) -> list[_Element]:
     names = _element_names(v.name, shape)
     starts = _starts(v, len(names), bool(shape))
-    return [_Scalar(name, i, len(names) if shape else 1, start) for i, (name, start) in enumerate(zip(names, starts))]
+    return [_Element(name, i, len(names) if shape else 1, start) for i, (name, start) in enumerate(zip(names, starts))]
 
 
 def _starts(v: Any, count: int, array: bool) -> list[float | str | None]:
@@ -243,7 +242,7 @@ def _number(v: Any, text: str) -> float:
 
 
 def _variable(
-    v: Any, scalar: _Scalar, units: Mapping[str, Unit], through: tuple[str, ...] | None, slope: int | None
+    v: Any, scalar: _Element, units: Mapping[str, Unit], through: tuple[str, ...] | None, slope: int | None
 ) -> Variable:
     declared = v.declaredType
     name = v.unit or (declared.unit if declared else None) or ""

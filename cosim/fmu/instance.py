@@ -13,7 +13,7 @@ from cosim.errors import RunError
 from cosim.fmu.bank import Bank, ValueGuard, pointer_to
 from cosim.fmu.contract import FmuSettings, Instance
 from cosim.fmu.messages import FmuMessage, MessageLog
-from cosim.scenario import Conversion
+from cosim.scenario import Conversion, FmuLogging
 from cosim.signals import REALS, FmuDescription, Variable
 
 LOADING = threading.Lock()  # fmpy changes the working directory while it loads a library
@@ -24,15 +24,13 @@ class FmuInstance(Instance):
 
     prefix = ""
 
-    def __init__(self, name: str, description: FmuDescription, logging: bool = False) -> None:
+    def __init__(self, name: str, description: FmuDescription, logging: FmuLogging = FmuLogging.WARNINGS) -> None:
         super().__init__(name, description)
         self.logging = logging
-        self.messages = MessageLog(name, everything=logging)
+        self.messages = MessageLog(name, everything=logging is FmuLogging.ALL)
         self.clock: Callable[[], float] | None = None  # tells the time while a loop in C calls the FMU
         self.fmu: Any = None  # fmpy's object, which differs between the versions; None once freed
         self.fmu = self._loaded()
-        if not logging:
-            self._ask_for_warnings()
         self.fresh = True
         self.sloped: tuple[str, ...] | None = None
         self.setters: list[Bank] = []
@@ -40,21 +38,18 @@ class FmuInstance(Instance):
         self.parts: list[tuple[np.ndarray, Sequence[int]]] = []  # arrays of which only some elements are wired
 
     def _loaded(self) -> Any:
-        """fmpy's object, instantiated. An FMU that refuses is asked once more, now with logging, for its reason."""
-        for logging in dict.fromkeys((self.logging, True)):
-            try:
-                return self._load(logging)
-            except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions: no binary here, wrong token, ...
-                reason = error
-                if self.messages.recent:
-                    break
-        raise RunError(self.name, None, self._with_words(f"cannot be loaded: {reason}"))
+        """fmpy's object, instantiated. Raises RunError with what the FMU said.
 
-    def _ask_for_warnings(self) -> None:
-        """Turn the standard categories of warnings and errors on, where the FMU has them: some say nothing else."""
-        wanted = [c.encode() for c in self.description.categories if c in _SERIOUS]
-        if wanted and self.has("SetDebugLogging"):
-            self.function("SetDebugLogging")(self.component, 1, len(wanted), (ctypes.c_char_p * len(wanted))(*wanted))
+        FMUs of others are asked to talk unless that is turned off, since many tell the reason of an error only then;
+        ours tell it anyway.
+        """
+        from build_fmus.description import GENERATOR
+
+        others = self.description.tool != GENERATOR
+        try:
+            return self._load(self.logging is FmuLogging.ALL or (others and self.logging is FmuLogging.WARNINGS))
+        except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions: no binary here, wrong token, ...
+            raise RunError(self.name, None, self._with_words(f"cannot be loaded: {error}")) from None
 
     # what the two versions do differently
 
@@ -290,5 +285,4 @@ def whole_arrays(variables: Sequence[Variable]) -> tuple[list[int], np.ndarray, 
     return list(sizes), places, int(ends[-1]) if len(ends) else 0
 
 
-_SERIOUS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 _STATUS = {2: "discarded", 3: "error", 4: "fatal error", 5: "pending"}

@@ -68,9 +68,9 @@ class FmuSet:
 
     def instance(self, name: str, description: FmuDescription) -> FmuInstance:
         """The instance of one component, loaded where it was not yet. Raises RunError."""
-        logging = self.last is not None and self.last.scenario.experiment.logging is FmuLogging.ALL
+        logging = self.last.scenario.experiment.logging if self.last else FmuLogging.WARNINGS
         instance = self.loaded.get(name)
-        if instance is None or _another(instance, description) or instance.logging != logging:
+        if instance is None or _another(instance, description) or instance.logging is not logging:
             if instance is not None:
                 instance.close()
             self.loaded[name] = load(name, description, logging)
@@ -107,8 +107,8 @@ def _not_here(name: str, description: FmuDescription) -> list[Problem]:
     return [Problem(f"components.{name}: {description.path}", f"a binary for {wanted}", got, advice)]
 
 
-def load(name: str, description: FmuDescription, logging: bool = False) -> FmuInstance:
-    """Load the library of an FMU and instantiate it under the given name; `logging`: it tells all it can.
+def load(name: str, description: FmuDescription, logging: FmuLogging = FmuLogging.WARNINGS) -> FmuInstance:
+    """Load the library of an FMU and instantiate it under the given name.
 
     Raises RunError, with what the FMU said.
     """

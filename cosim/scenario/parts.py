@@ -27,8 +27,9 @@ class Extrapolation(Enum):
 
 
 class FmuLogging(Enum):
-    """What is kept of the messages of FMUs: warnings and errors, or all that they tell when asked to."""
+    """What is kept of the messages of FMUs: all, warnings and errors, or those that come although logging is off."""
 
+    OFF = "off"
     WARNINGS = "warnings"
     ALL = "all"
 

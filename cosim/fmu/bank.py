@@ -90,7 +90,8 @@ class ValueGuard:
         limits = [_type_limits(v) for v in variables]
         wished = [(i, _CONVERTED[conversions[n]]) for i, n in enumerate(names) if conversions.get(n) in _CONVERTED]
         whole = not any(v.type == "Float32" for v in variables)
-        return cls(names, *(np.array(side, dtype=float) for side in zip(*limits)), whole, tuple(wished))
+        low, high = (np.array([limit[side] for limit in limits]) for side in (0, 1))
+        return cls(names, low, high, whole, tuple(wished))
 
     def fitting(self, values: np.ndarray, checker: StatusChecker) -> np.ndarray:
         """The values, converted where that is wished. Raises RunError for one that the type cannot hold."""

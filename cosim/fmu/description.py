@@ -227,7 +227,7 @@ def _starts(v: Any, count: int, array: bool) -> list[float | str | None]:
         return [v.start] * count
     texts = str(v.start).split() if array else [str(v.start)]
     texts = texts * count if len(texts) == 1 else texts
-    return [_number(v, text) for text in texts[:count]] + [None] * (count - len(texts))
+    return [*(_number(v, text) for text in texts[:count]), *[None] * (count - len(texts))]
 
 
 def _number(v: Any, text: str) -> float:

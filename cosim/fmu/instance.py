@@ -88,7 +88,8 @@ class FmuInstance(Instance):
 
     def address(self, name: str) -> int | None:
         """Address of an FMI function, for compiled executors; None where the library lacks it."""
-        return ctypes.cast(self.function(name), ctypes.c_void_p).value if self.has(name) else None
+        found = self.fmu._functions.get(self.prefix + name)
+        return None if found is None else ctypes.cast(found, ctypes.c_void_p).value
 
     def references(self, names: Sequence[str]) -> ctypes.Array[ctypes.c_uint]:
         """Value references as a ctypes array."""

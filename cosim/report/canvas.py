@@ -82,7 +82,10 @@ def plain_texts(fig: MplFigure) -> None:
     Tick labels keep their formulas, and so does a text that is one (`set_parse_math` after this call).
     """
     for axes in fig.axes:
-        for text in (axes.title, axes._left_title, axes._right_title, axes.xaxis.label, axes.yaxis.label):
+        titles = [
+            getattr(axes, name) for name in ("title", "_left_title", "_right_title")
+        ]  # matplotlib has no other way
+        for text in (*titles, axes.xaxis.label, axes.yaxis.label):
             text.set_parse_math(False)
         legend = axes.get_legend()
         for text in (*axes.texts, *(legend.get_texts() if legend is not None else ())):

@@ -149,5 +149,6 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
             for s in strangers
         ]
         if not strangers:
-            found.append(Connection(*ends, Conversion(match["wish"]) if match["wish"] else None))
+            wish = Conversion(match["wish"]) if match["wish"] else None
+            found.append(Connection(ends[0], ends[1], wish))
     return tuple(found)

@@ -94,7 +94,7 @@ def _link(
 
 def scaled_links(links: list[Link], descriptions: Mapping[str, FmuDescription]) -> list[str]:
     """A sentence for each pair of units that a connection turns into each other."""
-    found: dict[tuple[str, str, str], str] = {}
+    found: dict[tuple[str, ...], str] = {}
     for link in (link for link in links if link.scaled):
         units = [descriptions[end.component].variables[end.variable].unit.name for end in (link.source, link.target)]
         ends = [f"{end.component}.{stem(end.variable)}" for end in (link.source, link.target)]

@@ -33,6 +33,10 @@ def _numbers(values: ArrayLike) -> np.ndarray:
     return np.asarray(values, dtype=float)
 
 
+def _nothing() -> np.ndarray:
+    return np.zeros(0)
+
+
 _BY_VALUE = cmp_using(np.array_equal)
 
 
@@ -53,9 +57,9 @@ class SetInputs:
     older: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
     weight: np.ndarray = field(converter=_numbers, eq=_BY_VALUE)
     span: np.ndarray = field(converter=_numbers, eq=_BY_VALUE)
-    scaled: np.ndarray = field(default=(), converter=_indices, eq=_BY_VALUE)
-    gain: np.ndarray = field(default=(), converter=_numbers, eq=_BY_VALUE)
-    shift: np.ndarray = field(default=(), converter=_numbers, eq=_BY_VALUE)
+    scaled: np.ndarray = field(factory=_nothing, converter=_indices, eq=_BY_VALUE)
+    gain: np.ndarray = field(factory=_nothing, converter=_numbers, eq=_BY_VALUE)
+    shift: np.ndarray = field(factory=_nothing, converter=_numbers, eq=_BY_VALUE)
 
 
 @frozen

@@ -60,7 +60,7 @@ def fmi2(
     experiment: str = "",
     **capabilities: object,
 ) -> Path:
-    """An FMU of two.c. variables: (name, reference, causality, type, attributes of its type)."""
+    """An FMU of foreign_two.c. variables: (name, reference, causality, type, attributes of its type)."""
     entries = ""
     for n, r, c, t, more in variables:
         shared = attributes(name=n, valueReference=r, causality=c, variability=_variability(c, t))
@@ -73,7 +73,7 @@ def fmi2(
         "</fmiModelDescription>"
     )
     flags = [f"-DMODE={mode}", *(["-DBARE"] if bare else [])]
-    return packed(path, description, library("two.c", *flags), PLATFORMS[this_platform()].fmi2 or "")
+    return packed(path, description, library("foreign_two.c", *flags), PLATFORMS[this_platform()].fmi2 or "")
 
 
 def _variability(causality: str, kind: str) -> str:
@@ -95,7 +95,7 @@ ARRAYS = (
 
 
 def fmi3(path: Path, variables: str = ARRAYS, outputs: Sequence[int] = (3, 8, 11, 12), experiment: str = "") -> Path:
-    """An FMU of three.c. outputs: references of the variables that are outputs."""
+    """An FMU of foreign_three.c. outputs: references of the variables that are outputs."""
     listed = "".join(f'<Output valueReference="{reference}"/>' for reference in outputs)
     description = (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="3.0" modelName="{path.stem}" '
@@ -103,7 +103,7 @@ def fmi3(path: Path, variables: str = ARRAYS, outputs: Sequence[int] = (3, 8, 11
         f"{experiment}<ModelVariables>{variables}</ModelVariables><ModelStructure>{listed}</ModelStructure>"
         "</fmiModelDescription>"
     )
-    return packed(path, description, library("three.c"), this_platform())
+    return packed(path, description, library("foreign_three.c"), this_platform())
 
 
 def from_python(exporter: str, source: str, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What `cosim close-loop` leaves beside its page: closure.json, effects.toml, the FMU with the effect."""
+"""What `cosim close-loop` writes beside its report: closure.json, effects.toml, the FMU with the effect."""
 
 import json
 from pathlib import Path
@@ -49,7 +49,7 @@ def _write_answer(closure: Closure, folder: Path, fmus: list[str]) -> None:
 
 
 def _runnable(closure: Closure) -> Closure:
-    """Start values that run as they stand, at the step of the recording and at that of a scenario."""
+    """With internal steps that are stable at the step of the recording and at that of a scenario."""
     step = max(USUAL_STEP, *(run.step for run in closure.recording.runs))
     return evolve(
         closure,

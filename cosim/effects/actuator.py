@@ -1,14 +1,11 @@
 """Effects between the commanded and the delivered torque: lag, delay, gain, saturation, dead band.
 
 The recorded torque is the command u; the delivered torque is A(u). With the model's own prediction p of the delivered
-torque the
-command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the prediction
-where they can
-be, so that noise of the torque does not stand on both sides.
+torque the command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the
+prediction where possible, so that noise of the torque is not on both sides of the regression.
 
-Lag and delay are found by passing the recorded torque on through them, which is exact at any size; what is left of the
-parameter is the
-coefficient of one column, the slope of the prediction.
+Lag and delay are found by passing the recorded torque through them, which is exact at any size. The rest of the
+parameter is the coefficient of one column, the slope of the prediction.
 """
 
 import numpy as np
@@ -24,7 +21,7 @@ _BEHIND = (Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45
 LONGEST = 0.06  # s, of lags and delays that a torque loop may have
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
 USUAL = 0.4  # share of commands within a dead band, above which it is no dead band but the usual torque
-STARVED = 0.85  # share of commands beyond a limit, above which what is delivered is no more than a sign
+STARVED = 0.85  # share of commands beyond a limit, above which hardly more than the sign is delivered
 
 
 class Late(Effect):
@@ -58,9 +55,7 @@ class Late(Effect):
         return (Label(self.name),)
 
     def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
-        """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled
-        torque included.
-        """
+        """The whole lag of every joint, with the sampling skew of the model and the hold of a sampled torque."""
         value = float(self.amount(estimate.beta, estimate.theta)[0]) + estimate.scene.skew
         return {per_joint(self.name, (j,)): value for j in estimate.joints}
 

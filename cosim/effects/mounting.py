@@ -1,4 +1,4 @@
-"""Effects of how the arm stands and what it carries: base tilt, encoder offset, payload."""
+"""Effects of mounting and load of the arm: base tilt, encoder offset, payload."""
 
 import numpy as np
 

@@ -148,10 +148,8 @@ class Hysteresis(Effect):
     """Friction that builds up over a distance after a reversal: presliding, cable, gear.
 
     z is Dahl's state, or three elasto-plastic elements in parallel, z = sum w_k z_k, w = (1 - tilt, 1, 1 + tilt)/3,
-    that yield
-    over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech. 33(4); Maxwell
-    slip).
-    theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
+    that yield over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech.
+    33(4); Maxwell slip). theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
     """
 
     name = "hysteresis"
@@ -212,9 +210,10 @@ def elements(motion: Motion, joint: int, length: float, ratio: float, tilt: floa
 
 
 def _strokes(motion: Motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
-    """State z (n,) over each run from z = 0, exact for a constant direction between samples; left(u, gone): what is
-    left of
-    u = 1 - z sgn(dq) after distances in one direction, in lengths. Moves below the standstill noise count too.
+    """State z (n,) over each run from z = 0, exact for a constant direction between samples.
+
+    left(u, gone): the remainder of u = 1 - z sgn(dq) after distances in one direction, in units of the length. Moves
+    below the standstill noise count as well.
     """
     out = np.empty(len(motion.time))
     for a, b in motion.bounds:

@@ -44,8 +44,8 @@ def read(
 ) -> Recording:
     """Read files into one recording; `test` files are held out.
 
-    Held-out rows: those of `test`, else of the split column, else the second half of each recording.
-    Raises InputError with what is wrong where; repairs are in the recording's `warnings`.
+    Held-out rows: those of `test`, else of the split column, else the second half of each recording. Raises InputError
+    with what is wrong where; repairs are in the recording's `warnings`.
     """
     fit, held = [Path(path) for path in paths], [Path(path) for path in test]
     if not fit:

@@ -130,8 +130,8 @@ def _continues(first: Run, second: Run) -> bool:
 def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
     """Frequency, as a share of the Nyquist frequency, above which a low-pass filter has emptied the spectrum.
 
-    `order` differences are taken first, which flattens the spectrum of a position. The mark of a filter is a sharp
-    fall: four decades of power within half an octave that stays down. None where there is no such mark.
+    `order` differences are taken first, which flattens the spectrum of a position. A filter shows as a sharp fall that
+    does not recover: four decades of power within half an octave. None where there is none.
     """
     from scipy.signal import welch
 
@@ -151,13 +151,12 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
 
 
 def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float | None:
-    """Frequency [Hz] above which the acceleration (n,) holds next to nothing though the torque (n,) does; None:
-    nowhere.
+    """Frequency [Hz] above which the acceleration (n,) is almost empty though the torque (n,) is not; None where there
+    is no such frequency.
 
     gain(f) = sqrt(S_tau / S_ddq) is an inertia at low frequencies; sensor noise makes it fall with f. Where it rises
-    20-fold
-    the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out: central
-    differences have a zero there.
+    20-fold the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out:
+    central differences have a zero there.
     """
     from scipy.signal import welch
 

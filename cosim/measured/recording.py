@@ -14,7 +14,8 @@ class Run:
     """One uninterrupted stretch of recording with n rows, nj joints and an even step.
 
     time (n,) [s]; q, tau, dq, ddq, q_ref (n, nj) [SI of the description]; force (n, 3) [N], tip, base frame;
-    regressor (n, p) and rigid (n,) for device "regressor"; test (n,) marks the held-out rows. None: not recorded.
+    regressor (n, p) and rigid (n,): recorded columns and torque of the rigid body; test (n,) marks the held-out rows.
+    None: not recorded.
     """
 
     name: str

@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
 
-SHORTEST = 64  # rows; below this a low-pass filter has nothing to work on
+SHORTEST = 64  # rows; a low-pass filter needs that many
 BRIDGED = 5  # missing samples up to this are interpolated, more split the run
 JITTER = 0.05  # of a step: stamps this close to an even grid are taken as even
 

@@ -1,1 +1,1 @@
-"""The recording as the closed loop sees it: smoothed motion, rows, friction laws, pose of the problem."""
+"""The recording prepared for regression: smoothed motion, rows, friction laws, rigid body, the regression problem."""

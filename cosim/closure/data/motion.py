@@ -1,5 +1,5 @@
-"""A recording made ready: smoothed signals with derivatives at the full rate, and the thinned rows that residuals are
-formed on.
+"""A recording prepared: smoothed signals with derivatives at the full rate, and the thinned rows on which residuals are
+formed.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 SAME_RATE = 0.005  # by which steps of runs may differ
-SAMPLED = 0.4  # widths of K that smoothed signals may be sampled at
-BLOCK = 0.5  # s, shortest length of the contiguous blocks that statistics count in
+SAMPLED = 0.4  # widths of K: the largest step at which smoothed signals are sampled
+BLOCK = 0.5  # s, shortest length of the contiguous blocks of the statistics
 MOST_BLOCKS = 60  # of the fitted rows
 
 
@@ -39,10 +39,9 @@ class SmoothedMotion:
     """Signals of all runs below each other, n rows, nj joints, every `stride`-th sample. SI.
 
     step, sample [s] between rows and between recorded samples; time (n,), run (n,) number of the run, test (n,) held
-    out;
-    q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at every
-    sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white noise of
-    the encoders [rad].
+    out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at
+    every sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white
+    noise of the encoders [rad].
     """
 
     step: float
@@ -190,7 +189,7 @@ def prepare(recording: Recording, widths: Widths | None = None) -> SmoothedMotio
 
 
 def _common_step(runs: Sequence[Run]) -> float:
-    """The sampling period [s] of all runs: derivatives, filters and delays count in it."""
+    """The sampling period [s] of all runs, which derivatives, filters and delays are based on."""
     step = float(np.median([run.step for run in runs]))
     rates = {f"{1 / run.step:.4g} Hz": run.name for run in reversed(runs)}
     if any(abs(run.step / step - 1) > SAME_RATE for run in runs):
@@ -221,10 +220,8 @@ class FitRows:
     """Thinned rows: which are used for which joint, in which block they lie.
 
     index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal,
-    nor at an end;
-    block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows; train_blocks their
-    count;
-    searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
+    nor at an end; block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows;
+    train_blocks their count; searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
     """
 
     index: np.ndarray
@@ -300,7 +297,7 @@ def _usable(motion: SmoothedMotion, index: np.ndarray, every: int) -> np.ndarray
 
 
 def _near_reversal(motion: SmoothedMotion, index: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """(m, nj): rows whose kernel sees a standstill or a change of direction of the joint."""
+    """(m, nj): rows whose kernel covers a standstill or a change of direction of the joint."""
     from scipy.ndimage import maximum_filter1d
 
     slow = np.abs(motion.dq) < speed

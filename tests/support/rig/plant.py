@@ -4,8 +4,7 @@
     energies: T = 1/2 M11 w1^2 + 1/2 p5 w2^2 + 1/2 p6 w3^2 - p4/2 sin(q2 - q3) w2 w3,  V = p7 sin q2 - p8 cos q3
 
 Friction is either a smooth law (tanh or algebraic) inside the Runge-Kutta stages, or a true sign law with stiction by
-an
-impulse after each step that stops the joint when it can (Moreau's time stepping).
+an impulse after each step that stops the joint when it can (Moreau's time stepping).
 """
 
 from dataclasses import dataclass, field, fields

@@ -19,16 +19,16 @@ MOST_ROOMS, MOST_FLOORS = 20, 12
 FACE = ("cosim", "cosim.__main__")
 """The public API and the program stand above all rooms; they import lazily."""
 HEAVY = {
-    "fmpy": {"cosim.fmu", "cosim.export.container"},
-    "control": {"cosim.stability.margin"},
+    "fmpy": {"cosim.fmu", "cosim.exports.container"},
+    "control": {"cosim.analysis.margin"},
     "h5py": {"cosim.results.files", "cosim.measured.reader"},  # our results, and files of laboratories
     "matplotlib": {"cosim.report.canvas"},
     "jinja2": {"cosim.report.html"},
-    "dask": {"cosim.sweep.cluster"},
-    "distributed": {"cosim.sweep.cluster"},
+    "dask": {"cosim.sweeps.cluster"},
+    "distributed": {"cosim.sweeps.cluster"},
     "pyarrow": {"cosim.measured.reader"},
-    "pandas": {"cosim.results.frames"},
-    "xarray": {"cosim.results.frames"},
+    "pandas": {"cosim.results.frames", "cosim.api"},  # in annotations only
+    "xarray": {"cosim.results.frames", "cosim.api"},
 }
 LIGHT = set(
     """__future__ atexit attrs collections contextlib cosim enum functools gc importlib itertools json math os pathlib

@@ -14,7 +14,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.process import BaseProcess
 
+Answer = TypeVar("Answer")
 _LOADING, _STARTING = -2, -1  # in place of the steps completed
 
 
@@ -44,12 +45,11 @@ def _distrusted(scenario: Scenario) -> bool:
     return any(component.fmu for component in scenario.components.values()) and hasattr(os, "fork")
 
 
-def called(action: Callable[[np.ndarray | None], object], scenario: Scenario, system: FmuSet, doing: str) -> object:
-    """What `action(mark)` gives, which uses the system's FMUs and says in the mark which is at work: called here, or in
-    a
-    process of its own where `runner` would run the scenario there. `doing`: that in words.
+def called(action: Callable[[np.ndarray | None], Answer], scenario: Scenario, system: FmuSet, doing: str) -> Answer:
+    """What `action(mark)` returns: an action that uses the system's FMUs and notes in the mark which one is at work.
 
-    Raises what it raises, and RunError where an FMU crashes.
+    It is called in this process, or in one of its own where `runner` would run the scenario in one. `doing` describes
+    the action for an error message. Raises what the action raises, and RunError where an FMU crashes.
     """
     if not _distrusted(scenario):
         return action(None)
@@ -71,7 +71,9 @@ def called(action: Callable[[np.ndarray | None], object], scenario: Scenario, sy
     return answer
 
 
-def _answer(pipe: Connection, action: Callable, system: FmuSet, wiring: Wiring, mark: np.ndarray) -> None:
+def _answer(
+    pipe: Connection, action: Callable[[np.ndarray], object], system: FmuSet, wiring: Wiring, mark: np.ndarray
+) -> None:
     """What the child of `called` does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -108,7 +110,7 @@ def _shared_mark() -> np.ndarray:
     return mark
 
 
-def _begun(target: Callable, *work) -> tuple[Connection, BaseProcess]:
+def _begun(target: Callable[..., None], *work: object) -> tuple[Connection, BaseProcess]:
     """A forked process that does `target(pipe, *work)`, and the end of its pipe that hears it."""
     from multiprocessing import get_context
 
@@ -127,7 +129,8 @@ def _watched(wiring: Wiring, mark: np.ndarray, progress: Callable[[RunProgress],
         while not isinstance(news := pipe.recv(), Ending):
             if isinstance(news, Exception):
                 raise news
-            progress(news)
+            if progress is not None:
+                progress(news)
         return news
     except EOFError:
         child.join()
@@ -142,7 +145,13 @@ def _watched(wiring: Wiring, mark: np.ndarray, progress: Callable[[RunProgress],
 
 
 def _work(
-    pipe: Connection, system: FmuSet, wiring: Wiring, record, rows: SignalTable, mark: np.ndarray, telling: bool
+    pipe: Connection,
+    system: FmuSet,
+    wiring: Wiring,
+    record: Sequence[str] | None,
+    rows: SignalTable,
+    mark: np.ndarray,
+    telling: bool,
 ) -> None:
     """What the child does: load the FMUs, run, tell, free them. Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -163,17 +172,17 @@ def _load(system: FmuSet, wiring: Wiring, mark: np.ndarray) -> None:
         system.instance(name, wiring.descriptions[name])
 
 
-def _crash(phase: str, code: int) -> str:
+def _crash(phase: str, code: int | None) -> str:
     return f"the FMU crashed while {phase} ({_words(code)}); ask its maker, or leave it out"
 
 
-def _words(code: int) -> str:
-    if code < 0:
+def _words(code: int | None) -> str:
+    if code is not None and code < 0:
         return f"signal {signal.Signals(-code).name}, {signal.strsignal(-code)}"
     return f"it ended the process, exit code {code}"
 
 
-def _crashed(wiring: Wiring, mark: np.ndarray, code: int) -> Ending:
+def _crashed(wiring: Wiring, mark: np.ndarray, code: int | None) -> Ending:
     """The ending of a run whose process died. Raises RunError where that was before t = 0."""
     component, done = list(wiring.scenario.components)[mark[1]], int(mark[0])
     experiment = wiring.scenario.experiment

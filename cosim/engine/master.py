@@ -68,6 +68,13 @@ class Result:
             )
         return stacked(self.signals, names)
 
+    def only(self, names: Sequence[str]) -> Result:
+        """The same run with chosen signals, `arm_l.x` or `arm_l.x[1]`. Raises InputError for a name that fits none."""
+        chosen = _recorded(list(self.signals), names)
+        signals = self.signals
+        kept = signals.only(chosen) if isinstance(signals, SignalColumns) else {name: signals[name] for name in chosen}
+        return evolve(self, signals=kept, units={name: self.units[name] for name in chosen})
+
 
 class System(Protocol):
     """Loaded FMUs, ready for runs of scenarios with the same components (`cosim.fmu.FmuSet`, or a set of fakes).

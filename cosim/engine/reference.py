@@ -35,6 +35,10 @@ class RunProgress:
         """Simulated seconds per second."""
         return self.simulated / self.wall if self.wall > 0 else 0.0
 
+    def __str__(self) -> str:
+        total = self.simulated * self.total / self.done if self.done else 0.0
+        return f"{self.simulated:.4g} of {total:g} s, {self.factor:.3g} x real time"
+
 
 @frozen
 class Watch:

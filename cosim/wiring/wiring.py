@@ -8,6 +8,7 @@ from attrs import field, frozen
 from cosim.scenario import Connection, Scenario
 from cosim.signals import FmuDescription, Signal, by_type
 from cosim.wiring.schedule import Schedule
+from cosim.wiring.starts import start_number
 
 
 @frozen
@@ -79,6 +80,10 @@ class Wiring:
     def age_local(self) -> tuple[float, float]:
         """Mean age added on the local paths of the local and of the remote arm [s] (arm, its controller, arm)."""
         return _mean(self.loops_l), _mean(self.loops_r)
+
+    def start(self, component: str, variable: str) -> float:
+        """Start value of a component's numeric variable: the scenario's, else that of the FMU itself."""
+        return start_number(self.descriptions[component], self.starts[component], variable)
 
     def inputs(self, component: str) -> list[str]:
         """The component's wired inputs, in the order in which they are set: real ones first."""

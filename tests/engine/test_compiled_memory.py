@@ -54,7 +54,7 @@ def test_100000_runs_do_not_grow():
 LONG = """
 import sys
 from cosim.fmu import open_system
-from cosim.stability.twin import judged_run
+from cosim.analysis.twin import judged_run
 from cosim.results.files import write_h5
 from cosim.scenario import load_scenario, with_parameters
 values = {"experiment.stop": float(sys.argv[1]), "experiment.record_every": 1}

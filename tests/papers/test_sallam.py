@@ -5,12 +5,12 @@
 import numpy as np
 import pytest
 
+from cosim.analysis.twin import judged_run
 from cosim.engine.master import run
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import execute
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario, with_parameters
-from cosim.stability.twin import judged_run
 from tests.support.monolith import MonolithicLoop, constant, sawtooth, sinusoidal
 
 TIPS = ["arm_l.x", "arm_r.x"]

@@ -16,9 +16,8 @@ from build_fmus.table import ModelTable, StartValue, load_table, override
 def start_values(fmu: Path, values: Mapping[str, StartValue], out: Path) -> Path:
     """Write to `out` the FMU with other start values: by scalar ("coulomb[2]") or row ("coulomb": list or one number).
 
-    An importer that relies on the defaults does not set them, so they are compiled in: the FMU must be one of ours,
-    from
-    the same sources as the present ones. What it had of its own start values before stays. Raises BuildError.
+    The values are compiled in too, since an importer that relies on defaults does not set them. The FMU must therefore
+    be one of ours, built from the present sources. Start values that it had of its own are kept. Raises BuildError.
     """
     description, platforms = _read(Path(fmu))
     version = 2 if description.get("fmiVersion", "").startswith("2") else 3

@@ -1,17 +1,16 @@
 """Growth rate of a small difference between two runs, with an interval: what stability means in a simulation.
 
-The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are.
-Two estimators of its exponential rate are made:
+The difference y(t) of twin runs obeys the loop's variational equation, whatever forcing and delays they share. Its
+exponential rate is estimated in two ways:
 
-* modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of
-overlapping windows,
-  the least damped of those that carry the difference; the interval is the spread over windows.
-* envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation,
-which makes the
-  envelope of one mode free of ripple; the interval is the spread over blocks.
+* modes: where the loop is constant, y is a sum of damped sinusoids. Their poles are found by ESPRIT (Roy and Kailath
+  1989) on Hankel matrices of overlapping windows; the least damped pole that carries part of the difference gives the
+  rate, the spread over the windows its interval.
+* envelope: no model, for jitter, noise and loss. The rate is the slope of log |y|, averaged over one period of the
+  dominant oscillation so that the envelope of a single mode has no ripple; the spread over blocks gives the interval.
 
-The envelope's is kept unless the modes' interval is at least five times narrower, which says that the modes explain
-the difference: picking the narrower of two comparable intervals would make intervals too narrow.
+The envelope's estimate is kept unless the interval of the modes is at least five times narrower, which shows that the
+modes explain the difference. To take the narrower of two comparable intervals would make intervals too narrow.
 """
 
 from functools import cache

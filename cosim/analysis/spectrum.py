@@ -127,10 +127,9 @@ def balanced(system: DelaySystem) -> DelaySystem:
 def polish(system: DelaySystem, guess: complex) -> complex | None:
     """Newton correction of one root on the exact characteristic matrix; None where it does not converge.
 
-    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v, s <- s - lambda of least modulus, found as
-    the
-    largest 1 / lambda of Delta(s)^-1 Delta'(s). It stays quadratic on semisimple multiple roots, which equal axes
-    produce.
+    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v and s <- s - lambda with the lambda of least
+    modulus, found as the largest 1 / lambda of Delta(s)^-1 Delta'(s). Convergence stays quadratic at semisimple
+    multiple roots, which equal axes produce.
     """
     s, step = complex(guess), complex(np.inf)
     for _ in range(_POLISH):

@@ -1,9 +1,8 @@
-"""A run, or another use of FMUs, in a process of its own: an FMU that crashes takes neither the run's rows nor this
-process with it.
+"""A run, or another use of FMUs, in a process of its own, so that an FMU that crashes ends neither this process nor
+what was computed before.
 
-The table and the mark of the run (see cosim.engine.reference.marked) lie in memory that both processes share; only the
-child loads
-the FMUs. Where it dies, the mark says how far the run came and which FMU was at work.
+The table and the mark of the run (see cosim.engine.reference.marked) lie in memory that both processes share. Only the
+child process loads the FMUs; where it dies, the mark says how far the run came and which FMU was being called.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """The wired scenario as an SSP 1.0 archive: structure, FMUs, parameter values (SSP 1.0, Modelica Association, 2019).
 
-Parameter values stand at their component, because some tools drop those of the system, and are compiled into the
-component's own FMU too, because some (libcosim) know no enumerations; so are the values that its inputs have at the
-start, because some carry them over in one pass only. The structure has no place for the master's
-algorithm: an annotation of the Open Simulation Platform names the communication step, one of ours algorithm,
-extrapolation
-and the order of the components, which `cosim.scenario.ssp` reads.
+Parameter values are written at their component, because some tools drop those of the system. They are compiled into the
+component's own FMU too, because some tools (libcosim) know no enumerations, and so are the values that its inputs have
+at the start, because some tools pass those on only once. SSP has no element for the master algorithm: an annotation of
+the Open Simulation Platform gives the communication step, and one of our own gives the algorithm, the extrapolation and
+the order of the components. `cosim.scenario.ssp` reads both.
 """
 
 from collections.abc import Mapping, Sequence

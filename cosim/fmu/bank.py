@@ -18,7 +18,7 @@ def few(verb: str, names: Sequence[str]) -> str:
 
 
 class StatusChecker(Protocol):
-    """Who knows what a status means: raises RunError for one above warning."""
+    """An object that knows what an FMI status means and raises RunError for one above warning."""
 
     def check(self, status: int, what: str) -> None: ...
 

@@ -91,9 +91,8 @@ class Fmi2Instance(FmuInstance):
         raise self._cut_short(reached)
 
 
-_SPEAKERS: WeakValueDictionary[int, FmuInstance] = (
-    WeakValueDictionary()
-)  # by the environment that an FMU hands to its logger
+_LOGGING: WeakValueDictionary[int, FmuInstance] = WeakValueDictionary()
+"""Instances by the component environment that an FMU gives to its logger."""
 
 
 def _callbacks(instance: FmuInstance) -> Any:
@@ -109,7 +108,7 @@ def _callbacks(instance: FmuInstance) -> Any:
     callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
     callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
     callbacks.componentEnvironment = id(instance)
-    _SPEAKERS[id(instance)] = instance
+    _LOGGING[id(instance)] = instance
     try:
         from fmpy.logging import addLoggerProxy
 
@@ -123,9 +122,9 @@ def _callbacks(instance: FmuInstance) -> Any:
 def _logger2() -> Any:
     from fmpy import fmi2
 
-    def hear(environment: int, name: bytes, status: int, category: bytes, text: bytes | None) -> None:
-        instance = _SPEAKERS.get(environment)
+    def log(environment: int, name: bytes, status: int, category: bytes, text: bytes | None) -> None:
+        instance = _LOGGING.get(environment)
         if instance is not None:
             instance._log(status, text)
 
-    return fmi2.fmi2CallbackLoggerTYPE(hear)
+    return fmi2.fmi2CallbackLoggerTYPE(log)

@@ -1,11 +1,9 @@
 """An SSP 1.0 archive as the table of a scenario, so that `cosim run SYSTEM.ssp` simulates what another tool wired.
 
-Read: components that are FMUs, connections between them, parameter values of component and system that stand inline or
-in
-.ssv files of the archive, stop time, the communication step of the Open Simulation Platform's annotation, and the
-master's
-algorithm of our own; what an archive does not say of these is a warning. Refused, by
-name: nested systems, parameter mappings, linear transformations, connections of the system's own connectors.
+What is read: components that are FMUs, the connections between them, parameter values of components and system (inline
+or in .ssv files of the archive), the stop time, the communication step from the Open Simulation Platform's annotation,
+and the master algorithm from our own. A warning names what an archive leaves open. Nested systems, parameter mappings,
+linear transformations and connections of the system's own connectors are refused by name.
 """
 
 import hashlib

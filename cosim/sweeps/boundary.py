@@ -132,9 +132,8 @@ class _Hunt:
         self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
 
     def share(self) -> float:
-        """Next estimate, kept off the ends by a hundredth: the secant at first, then the inverse parabola through a, b,
-        c
-        where it is sure to rise from end to end, else the middle.
+        """The next estimate: the secant's at first, then that of the inverse parabola through a, b and c where that
+        is sure to be monotonous, else the middle; kept away from the ends by a hundredth.
         """
         a, b, c, fa, fb, fc = self.a, self.b, self.c, self.fa, self.fb, self.fc
         share = 0.5 * (a + b)

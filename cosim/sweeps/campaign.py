@@ -102,12 +102,11 @@ def run_sweep(
     tell: Callable[[SweepProgress], None] | None = None,
     origin: str = "",
 ) -> Campaign:
-    """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
+    """Carry the sweep out, or go on with it: what the journal in `folder` holds is not computed again.
 
-    The points asked for and their order depend on findings only, so that any number of workers gives the same table. A
-    round
-    is filled up to `chunk` points a worker with what will be asked for anyway, the audit.
-    Raises InputError where the folder holds another sweep.
+    Which points are asked for, and in which order, depends on results only, so that any number of workers gives the
+    same table. A round that would leave workers idle is filled up, to `chunk` points for each, with points that will be
+    needed in any case: those of the audit. Raises InputError where the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)
     with Journal(folder / "journal.jsonl", fingerprint(task, origin)) as journal:

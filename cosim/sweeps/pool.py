@@ -1,5 +1,5 @@
-"""Who evaluates points: this process, local worker processes, or a Dask cluster (`cluster`). All give findings as they
-come.
+"""Workers that evaluate points: this process, local processes, or a Dask cluster (`cluster`). All give results as they
+become known.
 
 An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded
 between calls in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again,
@@ -108,11 +108,10 @@ class Here(Workers):
 class LocalPool(Workers):
     """`count` worker processes; one that dies is replaced.
 
-    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by
-    then
-    this process may have threads, which do not survive a fork. Numpy's BLAS threads would fight for the workers' cores:
-    set
-    OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim` does.
+    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned,
+    because by then this process may have threads, which do not survive a fork. The threads of numpy's BLAS would
+    compete with the workers for the cores: set OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim`
+    does.
     """
 
     def __init__(self, count: int) -> None:
@@ -206,9 +205,9 @@ def _cause(code: int | None) -> str:
 
 
 def _serve(pipe: Connection) -> None:
-    """Loop of a worker process: Ctrl-C is the parent's business, and it ends with its parent (whose end of the pipe
-    other
-    forked workers hold too).
+    """The loop of a worker process. It ignores Ctrl-C, which its parent handles, and ends when its parent does.
+
+    The closing of the pipe would not tell it so: other forked workers hold the parent's end open too.
     """
     import signal
 

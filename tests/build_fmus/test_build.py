@@ -91,6 +91,8 @@ def test_overridden_start_values_are_checked():
     with pytest.raises(BuildError) as error:
         override(probe_table(), {"gian": 1.0, "x_start": [1.0], "internal_steps": 0})
     assert "did you mean 'gain'" in str(error.value) and "1 values for 2" in str(error.value)
+    with pytest.raises(BuildError, match=r"x_start\[2\]: 2 values for one scalar"):
+        override(probe_table(), {"x_start[2]": [1.0, 2.0]})
     assert override(probe_table(), {"law": "two", "x_start[2]": 5.0}).row("x_start").starts == [1.0, 5.0]
 
 

@@ -1,3 +1,74 @@
-"""Co-simulation of haptic teleoperation: scenarios, master algorithm, stability, identification, the loop closed with
-data.
+"""Co-simulation of haptic teleoperation, from Python.
+
+    scenario = cosim.load("sallam-stable").with_values({"channel_*.delay_mean": 0.3})
+    result = cosim.run(scenario)
+    result["arm_l.x"], result.outcome, result.growth_rate, result.to_dataframe(), result.plot()
+
+Every main command of the program is a function here; what a command prints and writes is what the call returns.
+Nothing is imported before it is asked for.
 """
+
+from typing import TYPE_CHECKING
+
+from cosim.errors import InputError, Problem, RunError
+
+if TYPE_CHECKING:
+    from cosim.api.exporting import export
+    from cosim.api.loops import StabilityResult, stability
+    from cosim.api.recordings import ClosureResult, IdentificationResult, close_loop, identify, read
+    from cosim.api.runs import RunResult, load, open_result, run
+    from cosim.api.sweeping import SweepTable, sweep
+    from cosim.engine.outcome import Outcome
+    from cosim.measured import Recording
+    from cosim.scenario import Scenario
+
+__all__ = [
+    "ClosureResult",
+    "IdentificationResult",
+    "InputError",
+    "Outcome",
+    "Problem",
+    "Recording",
+    "RunError",
+    "RunResult",
+    "Scenario",
+    "StabilityResult",
+    "SweepTable",
+    "close_loop",
+    "export",
+    "identify",
+    "load",
+    "open_result",
+    "read",
+    "run",
+    "stability",
+    "sweep",
+]
+
+_HOMES = {
+    "cosim.api.exporting": ("export",),
+    "cosim.api.loops": ("StabilityResult", "stability"),
+    "cosim.api.recordings": ("ClosureResult", "IdentificationResult", "close_loop", "identify", "read"),
+    "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
+    "cosim.api.sweeping": ("SweepTable", "sweep"),
+    "cosim.engine.outcome": ("Outcome",),
+    "cosim.measured": ("Recording",),
+    "cosim.scenario": ("Scenario",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for, once."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'cosim' has no attribute {name!r}")
+    from importlib import import_module
+
+    found: object = getattr(import_module(_HOME[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return sorted(__all__)

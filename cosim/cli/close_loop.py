@@ -21,25 +21,24 @@ def command(
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("close-loop"),
 ) -> None:
     """Trace the residual of a recording to a missing effect, add it to the FMU, report the error before and after."""
+    import cosim
     from cosim.cli.folder import made
-    from cosim.closure import effects_file
-    from cosim.closure.closure import Options, close_loop
-    from cosim.closure.document import sentence
-    from cosim.effects import library
-    from cosim.measured import read
-    from cosim.report.closure import save
 
-    known = library(effect_file or ())
-    recording = read(data, test or (), description)
-    previous = effects_file.load(effects, known, recording) if effects else ()
     made(out)
-    closure = close_loop(recording, Options(effects=known, previous=previous, replayed=replay, progress=_tell))
+    found = cosim.close_loop(
+        data,
+        test,
+        effects=effects,
+        description=description,
+        own_effects=effect_file or (),
+        replay=replay,
+        progress=_tell,
+    )
     _tell("writing the results")
-    closure = save(closure, out)
-    for text in closure.warnings:
+    written = found.save(out)
+    for text in written.warnings:
         print(f"warning: {text}", file=sys.stderr)
-    print(sentence(closure))
-    print(f"results: {out}")
+    print(f"{written}\nresults: {out}")
 
 
 def _tell(text: str) -> None:

@@ -21,14 +21,12 @@ def command(
     out: Annotated[Path, typer.Option(help="folder to write to")] = Path("export"),
 ) -> None:
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
-    from build_fmus.compiler import PLATFORMS
+    import cosim
     from cosim.cli.folder import made
     from cosim.cli.run import prepare
-    from cosim.export.export import export
 
-    wiring = prepare(scenario, set_ or [], effects)
-    chosen = list(PLATFORMS) if platform == ["all"] else platform
-    written = export(wiring, made(out), chosen, lambda text: print(text, file=sys.stderr))
+    chosen = prepare(scenario, set_ or [], effects).scenario
+    written = cosim.export(chosen, made(out), platforms=platform, progress=lambda text: print(text, file=sys.stderr))
     print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {out / 'fmi2'} and {out / 'fmi3'}")
     print(f"{written.ssp}: the wired system (SSP 1.0)")
     print("\n".join(f"{path}: the wired system as one FMU" for path in written.containers))

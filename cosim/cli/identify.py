@@ -28,31 +28,24 @@ def command(
     ] = False,
 ) -> None:
     """Identify the parameters of a PHANToM, of one joint, or of a joint with given regressor columns."""
-    import json
     import sys
 
+    import cosim
     from cosim.cli.folder import made
-    from cosim.identify.document import document
-    from cosim.identify.identification import identify, identify_as_paper
-    from cosim.identify.idim import idim
-    from cosim.identify.method import adjusted, suggested
-    from cosim.measured import read
-    from cosim.report.html import write_report
-    from cosim.report.identify import page, verdict
 
-    print(f"reading {len(data) + len(test or [])} file(s)", file=sys.stderr)
-    recording = read(data, test or (), description)
+    print(f"identifying from {len(data) + len(test or [])} file(s)", file=sys.stderr)
     made(out)
-    method = adjusted(suggested(recording), cutoff, velocity_cutoff, smooth_sign, robust, physical)
-    print("identifying", file=sys.stderr)
-    found, paper = identify(recording, method), identify_as_paper(recording)
-    reference = idim(recording, found.params[: len(paper.params)])
-    (out / "identification.json").write_text(json.dumps(document(found, paper, reference), indent=1), encoding="utf-8")
-    write_report(page(found, paper, reference), out / "report.html")
+    found = cosim.identify(
+        data,
+        test,
+        description=description,
+        cutoff=cutoff,
+        velocity_cutoff=velocity_cutoff,
+        smooth_sign=smooth_sign,
+        robust=robust,
+        physical=physical,
+    )
+    found.save(out)
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    print(verdict(found))
-    for parameter in found.parameters:
-        low, high = parameter.interval
-        print(f"  {parameter.label!s:14s} {parameter.value: .6g}  [{low: .6g}, {high: .6g}] {parameter.unit}")
-    print(f"written: {out / 'identification.json'}, {out / 'report.html'}")
+    print(f"{found}\nwritten: {out / 'identification.json'}, {out / 'report.html'}")

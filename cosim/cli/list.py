@@ -7,7 +7,7 @@ def command() -> None:
 
     from cosim.scenario import shipped
 
-    for room, heading in (("scenario", "scenarios (cosim run NAME)"), ("sweep", "sweeps (cosim sweep NAME)")):
+    for room, heading in (("scenario", "scenarios (cosim run NAME)"), ("sweeps", "sweeps (cosim sweep NAME)")):
         paths = shipped(room)
         if not paths:
             continue

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.closure.data.motion import SmoothedMotion, prepare, thinned
-from cosim.closure.data.setting import formulate
 from cosim.closure.drive import StartValues, drive_of, effects_drive
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.model import Model, complete, with_choices
+from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
+from cosim.closure.model.setting import formulate
 from cosim.closure.refusal import Refusal, circular, motion_refusals
 from cosim.closure.score.dependence import beyond_noise
 from cosim.closure.score.errors import TorqueError, torque_error

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.closure.data.motion import prepare
 from cosim.closure.drive import StartValue, StartValues
 from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.motion import prepare
 from cosim.closure.verdict import NamedEffect
 from cosim.effects import Effect, Scene
 from cosim.effects.moving_arm import moving_arm

@@ -5,8 +5,8 @@ model.
 import numpy as np
 from attrs import frozen
 
-from cosim.closure.data.motion import FitRows, SmoothedMotion
 from cosim.closure.model.model import Model
+from cosim.closure.model.motion import FitRows, SmoothedMotion
 
 SHORTEST = 4.0  # s of fitted rows
 FEWEST_BLOCKS = 8

@@ -23,8 +23,8 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.closure.controller import RecordedController, difference, find_laws, injected, reference
-from cosim.closure.data.smoothing import convolve, kernel, position_noise
 from cosim.closure.drive import Drive, StartValue, StartValues, drive_of, stepped
+from cosim.closure.model.smoothing import convolve, kernel, position_noise
 from cosim.errors import InputError, RunError
 from cosim.measured.recording import Recording, Run
 from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario

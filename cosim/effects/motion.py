@@ -30,7 +30,7 @@ class Motion(Protocol):
 
     step, sample [s] between rows and between recorded samples; bounds: first and last row of each run; time (n,),
     run (n,) number of the run, test (n,) rows that are held out; q, dq, ddq, tau (n, nj) smoothed, tau_raw (n, nj) as
-    recorded; other: further recorded signals (n,) by name. `cosim.closure.data.motion` has the one that is used.
+    recorded; other: further recorded signals (n,) by name. `cosim.closure.model.motion` has the one that is used.
     """
 
     @property

@@ -43,8 +43,7 @@ class Result:
     """A run that was made. It ends early where the outcome says so; a run that fails or is interrupted keeps its rows.
 
     time: (n,) [s]; signals: name -> (n,) values, `arm_l.q[1]`; units: name -> unit; stopped_at: time of an early end
-    [s];
-    failure: the error that ended it.
+    [s]; failure: the error that ended it.
     """
 
     scenario: Scenario
@@ -67,6 +66,13 @@ class Result:
                 Problem("signal", "a recorded signal", repr(name), did_you_mean(name, map(stem, self.signals)))
             )
         return stacked(self.signals, names)
+
+    def only(self, names: Sequence[str]) -> Result:
+        """The same run with chosen signals, `arm_l.x` or `arm_l.x[1]`. Raises InputError for a name that fits none."""
+        chosen = _recorded(list(self.signals), names)
+        signals = self.signals
+        kept = signals.only(chosen) if isinstance(signals, SignalColumns) else {name: signals[name] for name in chosen}
+        return evolve(self, signals=kept, units={name: self.units[name] for name in chosen})
 
 
 class System(Protocol):

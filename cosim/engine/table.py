@@ -128,6 +128,12 @@ class SignalColumns(Mapping[str, np.ndarray]):
     def __len__(self) -> int:
         return len(self.names)
 
+    def only(self, names: Sequence[str]) -> "SignalColumns":
+        """Some of the signals, read from the same table."""
+        chosen = SignalColumns(names, self.rows, self.count, self.every)
+        chosen._place = {name: self._number(name) for name in names}
+        return chosen
+
     def __or__(self, other: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         return dict(self) | dict(other)
 
@@ -140,7 +146,10 @@ class SignalColumns(Mapping[str, np.ndarray]):
         if self.every != 1:
             yield 0, self.stacked(self.names)
             return
-        yield from self.rows.blocks(self.count)
+        places = [self._number(name) for name in self.names]
+        whole = places == list(range(self.rows.values.shape[1]))
+        for first, values in self.rows.blocks(self.count):
+            yield first, values if whole else values[:, places]
 
 
 def stacked(signals: Mapping[str, np.ndarray], names: Sequence[str], every: int = 1) -> np.ndarray:

@@ -1,8 +1,8 @@
 """What a recording was made on: a PHANToM, a single axis, or one joint whose regressor columns are given.
 
 A new kind of device is a new class here, added to `DEVICES`. What other packages make of a device stands in one place
-each, chosen by its class: its linear model in `cosim.identify.linear_model`, its equations of motion in
-`cosim.closure.data.rigid_body`, its arm in `cosim.effects.moving_arm`, its FMU in `cosim.closure.drive`.
+each, chosen by its class: its linear model in `cosim.identification.linear_model`, its equations of motion in
+`cosim.closure.model.rigid_body`, its arm in `cosim.effects.moving_arm`, its FMU in `cosim.closure.drive`.
 """
 
 import math

@@ -11,7 +11,9 @@ from cosim.closure.output import write
 from cosim.closure.score.dependence import strongest
 from cosim.closure.score.errors import torque
 from cosim.closure.verdict import Answer
+from cosim.errors import InputError, Problem
 from cosim.report import closure_figures as plots
+from cosim.report.canvas import MplFigure, to_svg
 from cosim.report.html import Figure, Report, Section, Table, write_report
 
 MOODS = {Answer.FOUND: "good", Answer.COMPLETE: "good", Answer.UNEXPLAINED: "neutral", Answer.REFUSED: "bad"}
@@ -58,6 +60,14 @@ def _models(closure: Closure) -> tuple[Model, Model] | None:
     return closure.before, closure.verdict.models()[1]
 
 
+def error_figure(closure: Closure) -> MplFigure:
+    """Held-out torque error of every joint before and after, interval and floor. Raises InputError where refused."""
+    e, labels = closure.error, closure.recording.joints
+    if e is None:
+        raise InputError(Problem("plot", "a recording that was not refused", "a refused one", "see warnings"))
+    return plots.error_bars(e.before, e.after, e.interval, closure.floor or (None,) * len(labels), labels)
+
+
 def _errors(closure: Closure) -> Section | None:
     e = closure.error
     if e is None:
@@ -84,7 +94,7 @@ def _errors(closure: Closure) -> Section | None:
         "beside it the error with reversals. The floor is what repeats of one "
         "motion differ by. A dash: no repeats, or a joint that does not move in these rows."
     )
-    figure = Figure(plots.error_bars(e.before, e.after, e.interval, floor, labels), "Held-out error of the torque")
+    figure = Figure(to_svg(error_figure(closure)), "Held-out error of the torque")
     return Section(
         "Error before and after", text, [Table(header, rows, "RMS error of the torque [%]", digits=3)], [figure]
     )

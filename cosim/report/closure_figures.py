@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.report.canvas import BLUE, GREY, ORANGE, RED, figure, to_svg
+from cosim.report.canvas import BLUE, GREY, ORANGE, RED, MplFigure, figure, to_svg
 
 SHOWN = 8.0  # s of a record that a time plot shows
 BINS = 16
@@ -133,7 +133,7 @@ def error_bars(
     interval: Sequence[tuple[float, float]],
     floor: Sequence[float | None],
     labels: Sequence[str],
-) -> str:
+) -> MplFigure:
     """Held-out RMS% per joint before and after, with the interval of after and the floor where it is known."""
     fig, axes = figure(1, 1, 6.0, 2.8)
     ax, place = axes[0, 0], np.arange(len(labels))
@@ -148,4 +148,4 @@ def error_bars(
     ax.set_xticks(place, labels)
     ax.set_ylabel("RMS error of the torque [%]")
     ax.legend()
-    return to_svg(fig)
+    return fig

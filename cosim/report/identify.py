@@ -4,9 +4,11 @@ from importlib.metadata import version
 
 import numpy as np
 
-from cosim.identify.identification import Identification, unexcited, without_friction
-from cosim.identify.idim import Idim
+from cosim.identification.document import verdict
+from cosim.identification.identification import Identification, unexcited, without_friction
+from cosim.identification.idim import Idim
 from cosim.report import identify_figures as plots
+from cosim.report.canvas import MplFigure, to_svg
 from cosim.report.html import Figure, Report, Section, Table
 
 
@@ -21,22 +23,6 @@ def page(found: Identification, paper: Identification, idim: Idim | None) -> Rep
         "cosim": version("haptic-cosim"),
     }
     return Report(f"Identification: {', '.join(joints)}", verdict(found), sections, provenance, _mood(found))
-
-
-def verdict(found: Identification) -> str:
-    """One or two sentences."""
-    errors = ", ".join(f"{value:.2g} %" for value in found.rms_held_out)
-    loose = unexcited(found)
-    joints = ", ".join(found.recording.joints)
-    text = f"{len(found.parameters)} parameters; the held-out torque is predicted to {errors} (RMS, {joints})."
-    text += (
-        f" Not determined by this motion: {', '.join(map(str, loose))}."
-        if loose
-        else " The motion determines all of them."
-    )
-    return text + (
-        "" if found.positive_definite else " The identified mass matrix is not positive definite everywhere."
-    )
 
 
 def _mood(found: Identification) -> str:
@@ -109,10 +95,15 @@ def _errors(found: Identification, paper: Identification, idim: Idim | None) -> 
     return Section("Errors", text, [Table(["joint", "method", "train [%]", "held out [%]"], rows)])
 
 
+def torque_figure(found: Identification) -> MplFigure:
+    """Measured and predicted torque of every joint on held-out rows."""
+    return plots.torques(found, without_friction(found), found.model.frictionless())
+
+
 def _figures(found: Identification) -> list[Section]:
     rigid = without_friction(found)
     caption = "Held-out rows (Taati Figs. 4, 6 and 8)."
-    figures = [Figure(plots.torques(found, rigid, found.model.frictionless()), caption)]
+    figures = [Figure(to_svg(torque_figure(found)), caption)]
     over = Figure(plots.residuals(found, rigid), "Residual over velocity, grey: near a reversal (Taati Figs. 5 and 7).")
     parts = Figure(plots.friction(found), "Parts of the identified friction (Taati Fig. 9).")
     return [Section("Torques", "", figures=figures), Section("Friction", "", figures=[over, parts])]

@@ -4,13 +4,13 @@ parts.
 
 import numpy as np
 
-from cosim.identify.identification import Identification
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, figure, to_svg
+from cosim.identification.identification import Identification
+from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
 
 POINTS = 1500
 
 
-def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | None) -> str:
+def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | None) -> MplFigure:
     """Measured and predicted filtered torque per joint on held-out rows (Figs. 4 and 6).
 
     rigid (p,): parameters fitted without friction; piecewise (p',): the leading ones by another method, if there are.
@@ -31,7 +31,7 @@ def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | No
         ax.set_ylabel(f"{found.recording.joints[j]} [{_unit(found)}]")
     axes[-1, 0].set_xlabel("time [s]; shaded: near a reversal, neither fitted nor judged")
     axes[0, 0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
-    return to_svg(fig)
+    return fig
 
 
 def residuals(found: Identification, rigid: np.ndarray) -> str:

@@ -6,8 +6,9 @@ from attrs import evolve
 from cosim.engine.master import Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import SignalColumns, stacked
+from cosim.errors import InputError, Problem
 from cosim.report.applications import application_sections
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, figure, to_svg
+from cosim.report.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, Axes, MplFigure, figure, to_svg
 from cosim.report.html import Figure, Report, Section, Table, cell
 from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.provenance import provenance
@@ -192,14 +193,27 @@ def _tracking(result: Result) -> Section | None:
     if result.scenario.arms is None or not all(f"{arm}.x[1]" in result.signals for arm in result.scenario.arms):
         return None
     figures = [
-        Figure(_tips(result), "Tip positions of the local and the remote arm, and the distance between them."),
+        Figure(to_svg(_tips(result)), "Tip positions of the local and the remote arm, and the distance between them."),
         Figure(_path(result), "Path of the tips; the dot is the start."),
     ]
     return Section("Tracking", "", figures=figures)
 
 
-def _tips(result: Result) -> str:
-    rows, (local, remote) = _thin(result), result.scenario.arms
+def plain_figure(result: Result) -> MplFigure:
+    """The figure of a run in one: tips of both arms and their distance; else its first recorded signals.
+
+    Raises InputError where nothing was recorded.
+    """
+    arms = result.scenario.arms
+    if arms is not None and all(f"{arm}.x[1]" in result.signals for arm in arms):
+        return _tips(result)
+    if not result.signals:
+        raise InputError(Problem("plot", "a run with recorded signals", "one without"))
+    return _stack(result, list(grouped(result.signals)))
+
+
+def _tips(result: Result) -> MplFigure:
+    rows, (local, remote) = _thin(result), _arms(result)
     time, x_l, x_r = result.time[rows], result.vector(f"{local}.x")[rows], result.vector(f"{remote}.x")[rows]
     fig, axes = figure(4, 1, 9.5, 7.2)
     for axis, (plot, name) in enumerate(zip(axes[:3, 0], "xyz")):
@@ -210,11 +224,18 @@ def _tips(result: Result) -> str:
     axes[3, 0].plot(time, np.linalg.norm(x_l - x_r, axis=1) * 1e3, color=BLACK)
     axes[3, 0].set_ylabel("|x_l − x_r| [mm]")
     _share_time(axes[:, 0])
-    return to_svg(fig)
+    return fig
+
+
+def _arms(result: Result) -> tuple[str, str]:
+    """The local and the remote arm of a run that has both."""
+    arms = result.scenario.arms
+    assert arms is not None
+    return arms
 
 
 def _path(result: Result) -> str:
-    rows, (local, remote) = _thin(result), result.scenario.arms
+    rows, (local, remote) = _thin(result), _arms(result)
     fig, axes = figure(1, 3, 9.5, 3.1)
     for plot, (a, b) in zip(axes[0], ((0, 1), (2, 1), (0, 2))):
         for arm, colour, style in ((local, BLUE, "-"), (remote, ORANGE, (0, (4, 2)))):
@@ -243,7 +264,7 @@ def _forces(result: Result) -> Section | None:
     for unit, what in (("N", "Forces"), ("N.m", "Torques")):
         names = _vectors(result, unit)
         if names:
-            figures.append(Figure(_stack(result, names, unit), f"{what}, one curve per axis."))
+            figures.append(Figure(to_svg(_stack(result, names)), f"{what}, one curve per axis."))
     return Section("Forces", "", figures=figures) if figures else None
 
 
@@ -276,32 +297,32 @@ def _others(result: Result) -> Section | None:
     names = [name for unit in ("rad",) for name in _vectors(result, unit) if name.rpartition(".")[2] == "q"]
     if not names:
         return None
-    return Section("Joints", "", figures=[Figure(_stack(result, names, "rad"), "Joint angles (q2 and q3 absolute).")])
+    return Section("Joints", "", figures=[Figure(to_svg(_stack(result, names)), "Joint angles (q2 and q3 absolute).")])
 
 
-def _stack(result: Result, names: list[str], unit: str) -> str:
+def _stack(result: Result, names: list[str]) -> MplFigure:
     """One panel per signal, its elements as curves."""
-    names, rows = names[:8], _thin(result)
+    groups, names, rows = grouped(result.signals), names[:8], _thin(result)
     fig, axes = figure(len(names), 1, 9.5, 0.6 + 1.45 * len(names))
     for plot, name in zip(axes[:, 0], names):
-        values = result.vector(name)[rows]
+        values, unit = result.vector(name)[rows], result.units[groups[name][0]]
         for column in range(values.shape[1]):
             label = "xyz"[column] if unit == "N" and values.shape[1] == 3 else str(column + 1)
             plot.plot(result.time[rows], values[:, column], color=COLOURS[column % len(COLOURS)], label=label)
         plot.set_title(name)
         plot.set_ylabel(unit.replace(".", "·"))
-    if len(grouped(result.signals)[names[0]]) > 1:
+    if len(groups[names[0]]) > 1:
         _legend(axes[0, 0], 3)
     _share_time(axes[:, 0])
-    return to_svg(fig)
+    return fig
 
 
-def _legend(plot, columns: int) -> None:
+def _legend(plot: Axes, columns: int) -> None:
     """A legend above the panel, at its right end."""
     plot.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=columns)
 
 
-def _share_time(axes) -> None:
+def _share_time(axes: np.ndarray) -> None:
     for plot in axes:
         plot.margins(x=0.01)
     for plot in axes[:-1]:

@@ -7,16 +7,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREY, ORANGE, PURPLE, SKY, figure, to_svg
+from cosim.analysis.evidence import StabilityEvidence
+from cosim.errors import InputError, Problem
+from cosim.report.canvas import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    Axes,
+    FigureBase,
+    MplFigure,
+    figure,
+    to_svg,
+)
 from cosim.report.html import Code, Figure, Report, Section, Table
 from cosim.results.provenance import command_line, versions
-from cosim.stability.evidence import StabilityEvidence
-from cosim.sweep.campaign import Campaign, Curve
-from cosim.sweep.curves import theory_curves
-from cosim.sweep.points import replay
-from cosim.sweep.shares import shares
-from cosim.sweep.spec import Axis, MonteCarlo
-from cosim.sweep.table import settings
+from cosim.sweeps.campaign import Campaign, Curve
+from cosim.sweeps.curves import theory_curves
+from cosim.sweeps.points import Point, PointResult, replay
+from cosim.sweeps.shares import shares
+from cosim.sweeps.spec import Axis, MonteCarlo
+from cosim.sweeps.table import settings
 
 # One colour and one shape an outcome: readable without colours, and by every kind of colour vision.
 _MARKS = {
@@ -100,13 +114,40 @@ _READING = (
 
 
 def _map(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> Figure:
-    sweep, names = campaign.sweep, [axis.name for axis in campaign.sweep.axes]
+    sweep = campaign.sweep
+    title = curve.label if curve and curve.label else sweep.title
+    return Figure(to_svg(_map_figure(campaign, curve, x, y)), f"{title}: {len(_on_map(campaign, curve))} points")
+
+
+def plain_figure(campaign: Campaign) -> MplFigure:
+    """The figure of a sweep in one: the first map, or the crossings along its traced axis.
+
+    Raises InputError for a sweep that has neither.
+    """
+    sweep = campaign.sweep
+    numeric = [axis for axis in sweep.axes if axis.numeric]
+    if len(sweep.traced) == 2:
+        return _map_figure(campaign, campaign.curves[0] if campaign.curves else None, *sweep.traced)
+    if len(sweep.traced) == 1 and sweep.enumerated:
+        return _crossing_figure(campaign, sweep.traced[0], sweep.enumerated[-1])
+    if len(numeric) >= 2:
+        return _map_figure(campaign, None, *numeric[:2])
+    raise InputError(Problem("plot", "a sweep with two numeric axes, or a traced one", "another", "use to_dataframe()"))
+
+
+def _on_map(campaign: Campaign, curve: Curve | None) -> list[tuple[Point, PointResult]]:
+    """The points that a curve's map shows."""
+    names = [axis.name for axis in campaign.sweep.axes]
     others = dict(curve.others) if curve else {}
-    chosen = [
+    return [
         (p, f)
         for p, f in zip(campaign.points, campaign.findings)
         if all(p.entries[names.index(name)] == entry for name, entry in others.items())
     ]
+
+
+def _map_figure(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> MplFigure:
+    names, chosen = [axis.name for axis in campaign.sweep.axes], _on_map(campaign, curve)
     fig, axes = figure(1, 1, width=7.6, height=5.0)
     plot = axes[0, 0]
     _scatter(plot, [(p.entries[names.index(x.name)], p.entries[names.index(y.name)], f.outcome) for p, f in chosen])
@@ -118,21 +159,20 @@ def _map(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> Figure:
             plot.plot(*np.array(points).T, style, color=COLOURS[(2 * k + 2) % len(COLOURS)], linewidth=1.8, label=label)
     _framed(plot, x, y)
     _legend(fig)
-    title = curve.label if curve and curve.label else sweep.title
-    return Figure(to_svg(fig), f"{title}: {len(chosen)} points")
+    return fig
 
 
 def _theory(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> dict[str, list[tuple[float, float]]]:
     if curve is None:
         return {}
     entries = {
-        axis.name: next((e for e in axis.steps() if getattr(e, "label", e) == dict(curve.others)[axis.name]), None)
+        axis.name: next(e for e in axis.steps() if getattr(e, "label", e) == dict(curve.others)[axis.name])
         for axis in campaign.sweep.enumerated
     }
     return theory_curves(campaign.sweep, campaign.task, x, y, entries)
 
 
-def _scatter(plot, marks: Sequence[tuple[float, float, str]]) -> None:
+def _scatter(plot: Axes, marks: Sequence[tuple[float | str, float | str, str]]) -> None:
     for outcome in dict.fromkeys(o for _, _, o in marks):
         colour, shape = _MARKS[outcome]
         places = np.array([(a, b) for a, b, o in marks if o == outcome])
@@ -141,12 +181,12 @@ def _scatter(plot, marks: Sequence[tuple[float, float, str]]) -> None:
         )
 
 
-def _legend(fig) -> None:
+def _legend(fig: FigureBase) -> None:
     """What is drawn, in rows below the plot, which keeps its width."""
     fig.legend(loc="outside lower center", ncols=3, frameon=False)
 
 
-def _framed(plot, x: Axis, y: Axis) -> None:
+def _framed(plot: Axes, x: Axis, y: Axis) -> None:
     plot.set(xlabel=_label(x), ylabel=_label(y), xlim=(x.low, x.high), ylim=(y.low, y.high))
     plot.set_xscale(x.scale.value)
     plot.set_yscale(y.scale.value)
@@ -171,21 +211,25 @@ def _crossings(campaign: Campaign) -> list[Section]:
     table = Table([", ".join(a.name for a in sweep.enumerated) or "-", f"boundary {_label(axis)}"], rows)
     figures = []
     if last is not None:
-        fig, axes = figure(1, 1, width=7.6, height=4.2)
-        _crossing_plot(axes[0, 0], campaign, axis, last)
-        figures = [Figure(to_svg(fig), f"Boundary along {axis.name}")]
+        figures = [Figure(to_svg(_crossing_figure(campaign, axis, last)), f"Boundary along {axis.name}")]
     return [Section("Boundary", "Where the growth rate of small disturbances changes its sign.", [table], figures)]
 
 
-def _crossing_plot(plot, campaign: Campaign, axis: Axis, last: Axis) -> None:
-    groups: dict[str, list[tuple[object, float]]] = {}
+def _crossing_figure(campaign: Campaign, axis: Axis, last: Axis) -> MplFigure:
+    fig, axes = figure(1, 1, width=7.6, height=4.2)
+    _crossing_plot(axes[0, 0], campaign, axis, last)
+    return fig
+
+
+def _crossing_plot(plot: Axes, campaign: Campaign, axis: Axis, last: Axis) -> None:
+    groups: dict[str, list[tuple[float | str, float]]] = {}
     for curve in campaign.curves:
         prefix = ", ".join(str(entry) for _, entry in curve.others[:-1])
         groups.setdefault(prefix, []).extend((curve.others[-1][1], line[0][0]) for line in curve.lines)
     names = [c.label for c in last.choices]
     joined = not names and all(len(curve.lines) == 1 for curve in campaign.curves)
     for k, (prefix, pairs) in enumerate(groups.items()):
-        places = [names.index(a) if names else a for a, _ in pairs]
+        places = [names.index(a) if isinstance(a, str) else a for a, _ in pairs]
         plot.plot(
             places,
             [b for _, b in pairs],

@@ -1,12 +1,14 @@
 """Results on disk: HDF5 with units and provenance, CSV and MAT for other tools. The only module that imports h5py.
 
 Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elements), each with the attribute `unit`;
-the root holds outcome, message, scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
+`/starts` holds every start value as it was resolved (JSON); the root holds outcome (that of summary.json), message,
+scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +23,11 @@ from cosim.signals import grouped
 FORMAT = 1
 
 
-def write_h5(result: Result, path: Path | str) -> Path:
-    """Write a result; the file is complete or not there. Raises OSError (disk full, not writable)."""
+def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str] | None = None) -> Path:
+    """Write a result; the file is complete or not there. Raises OSError (disk full, not writable).
+
+    starts: start values as they were resolved, by `component.variable`.
+    """
     import h5py
 
     path = Path(path)
@@ -31,13 +36,14 @@ def write_h5(result: Result, path: Path | str) -> Path:
     try:
         with h5py.File(partial, "w") as file:
             _write(file, result)
+            file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
     return path
 
 
-def _write(file, result: Result) -> None:
+def _write(file: Any, result: Result) -> None:
     file.attrs["format"] = FORMAT
     file.attrs["outcome"] = result.outcome.value
     file.attrs["message"] = result.message
@@ -61,6 +67,21 @@ def _write(file, result: Result) -> None:
             data[first : first + len(values)] = values[:, chosen]
 
 
+def read_starts(path: Path | str) -> dict[str, float | str]:
+    """Start values that `write_h5` was given. Raises InputError where the file is none of ours."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return _starts(file)
+    except (OSError, KeyError) as error:
+        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+
+
+def _starts(file: Any) -> dict[str, float | str]:
+    return json.loads(file["starts"][()]) if "starts" in file else {}
+
+
 def read_h5(path: Path | str) -> Result:
     """A result as it was written. Raises InputError where the file is none."""
     import h5py
@@ -72,7 +93,7 @@ def read_h5(path: Path | str) -> Result:
         raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
 
 
-def _read(file) -> Result:
+def _read(file: Any) -> Result:  # h5py's types do not know that a member is a group
     signals, units = {}, {}
     for component, variables in file["signals"].items():
         for data in variables.values():
@@ -125,7 +146,10 @@ def export_mat(result: Result, path: Path | str) -> Path:
 
 
 def write_table(
-    columns: Mapping[str, object], units: Mapping[str, str], attributes: Mapping[str, str], path: Path | str
+    columns: Mapping[str, Sequence[float | str]],
+    units: Mapping[str, str],
+    attributes: Mapping[str, str],
+    path: Path | str,
 ) -> Path:
     """Write a table as HDF5: one dataset (n,) a column, numbers or text, in `/columns`; attribute `unit` where there is
     one.
@@ -152,15 +176,19 @@ def write_table(
     return path
 
 
-def read_table(path: Path | str) -> dict[str, list]:
+def read_table(path: Path | str) -> dict[str, list[float | str]]:
     """The columns of `write_table`, text as str. Raises InputError where the file is none."""
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            return {
-                name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]]
-                for name, data in file["columns"].items()
-            }
+            return _columns(file)
     except (OSError, KeyError) as error:
         raise InputError(Problem(str(path), "a table of cosim", str(error))) from None
+
+
+def _columns(file: Any) -> dict[str, list[float | str]]:
+    return {
+        name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]]
+        for name, data in file["columns"].items()
+    }

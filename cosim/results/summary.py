@@ -15,22 +15,29 @@ from cosim.wiring import Wiring, direction_table
 class Tracking:
     """How far the arms' tips were apart over the whole run: RMS of x_l - x_r [m], per axis and of its norm."""
 
-    axes: tuple[float, float, float]
+    axes: tuple[float, ...]
     total: float
 
 
 @frozen
 class Judged:
-    """A run with what is known of it: wiring, verdict (outcome, growth rate [1/s] with its 95 % interval), tracking."""
+    """A run with what is known of it: wiring, growth rate [1/s] with its 95 % interval, tracking.
+
+    The outcome of `result` is that of the verdict where there is one.
+    """
 
     result: Result
     wiring: Wiring
-    outcome: Outcome
     growth_rate: float | None = None
     interval: tuple[float, float] | None = None
     tracking: Tracking | None = None
     notes: tuple[str, ...] = field(default=(), converter=tuple)
     interrupted: bool = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended."""
+        return self.result.outcome
 
 
 def tracking(result: Result) -> Tracking | None:

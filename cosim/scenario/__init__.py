@@ -6,7 +6,7 @@ FMUs know (variables, units, causality) is checked by `cosim.wiring`.
 
 from cosim.scenario.changing import parse_override, start_values
 from cosim.scenario.loading import draft, load_scenario, load_text, shipped, with_parameters
-from cosim.scenario.scenario import (
+from cosim.scenario.parts import (
     FORMAT,
     NANOSECONDS,
     Algorithm,
@@ -14,9 +14,9 @@ from cosim.scenario.scenario import (
     Connection,
     Experiment,
     Extrapolation,
-    Scenario,
     Teleoperation,
 )
+from cosim.scenario.scenario import Scenario
 from cosim.scenario.writing import to_toml
 
 __all__ = [

@@ -3,14 +3,17 @@
 import tomllib
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import TypeVar
 
 from attrs import evolve, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.scenario.parts import Component, ScenarioParts
 from cosim.scenario.reading import read_toml, record_of, unknown_keys
-from cosim.scenario.scenario import Component, Scenario
 from cosim.scenario.writing import plain
 from cosim.signals import stem
+
+AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 
 
 def start_values(component: Component) -> dict[str, object]:
@@ -37,7 +40,7 @@ def parse_override(text: str) -> tuple[str, object]:
         return path.strip(), value.strip()
 
 
-def with_override(scenario: Scenario, text: str, problems: list[Problem]) -> Scenario:
+def with_override(scenario: AnyScenario, text: str, problems: list[Problem]) -> AnyScenario:
     """The scenario with one `path=value`, as `--set` gives it; what is wrong is added to `problems`."""
     try:
         path, value = parse_override(text)
@@ -47,7 +50,7 @@ def with_override(scenario: Scenario, text: str, problems: list[Problem]) -> Sce
     return assign(scenario, path, value, problems)
 
 
-def assign(scenario: Scenario, path: str, value: object, problems: list[Problem]) -> Scenario:
+def assign(scenario: AnyScenario, path: str, value: object, problems: list[Problem]) -> AnyScenario:
     """The scenario with one value changed; a problem is appended where the path leads nowhere."""
     head, _, key = path.removeprefix("components.").partition(".")
     if head in ("experiment", "teleoperation"):
@@ -67,7 +70,7 @@ def assign(scenario: Scenario, path: str, value: object, problems: list[Problem]
     return evolve(scenario, components=components)
 
 
-def _assign_record(scenario: Scenario, head: str, key: str, value: object, problems: list[Problem]) -> Scenario:
+def _assign_record(scenario: AnyScenario, head: str, key: str, value: object, problems: list[Problem]) -> AnyScenario:
     record = getattr(scenario, head)
     table = plain(record) | {key: value}
     changed = record_of(type(record), table, f"path {head}", problems)
@@ -88,7 +91,7 @@ def _component_with(component: Component, key: str, value: object, where: str, p
 _KINDS = {dict: "a table", str: "text", list: "a list"}
 
 
-def with_effects(scenario: Scenario, path: Path, problems: list[Problem]) -> Scenario:
+def with_effects(scenario: AnyScenario, path: Path, problems: list[Problem]) -> AnyScenario:
     """The effects file's start values, given to the components that it names or to every one of its model."""
     if not path.is_file():
         problems.append(Problem("--effects", "a TOML file", f"nothing at {path}"))

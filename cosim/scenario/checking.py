@@ -6,12 +6,12 @@ from pathlib import Path
 from attrs import evolve
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.scenario import NANOSECONDS, Component, Scenario
+from cosim.scenario.parts import NANOSECONDS, Component, ScenarioParts
 
 LONGEST = 2**63  # nanoseconds that fit an integer of 64 bits
 
 
-def check(scenario: Scenario, where: str) -> list[Problem]:
+def check(scenario: ScenarioParts, where: str) -> list[Problem]:
     """What a scenario says that cannot be, before its FMUs are known."""
     problems = _check_experiment(scenario, where)
     for name, component in scenario.components.items():
@@ -27,7 +27,7 @@ def check(scenario: Scenario, where: str) -> list[Problem]:
     return problems
 
 
-def _check_experiment(scenario: Scenario, where: str) -> list[Problem]:
+def _check_experiment(scenario: ScenarioParts, where: str) -> list[Problem]:
     e, where, problems = scenario.experiment, f"{where}: experiment", []
     positive = {"step": e.step, "stop": e.stop, "record_every": e.record_every, "bound": e.bound}
     wrong = [key for key, value in positive.items() if not (math.isfinite(value) and value > 0)]

@@ -6,10 +6,57 @@ from importlib.resources import files
 from pathlib import Path
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.changing import assign, with_effects, with_override
+from cosim.scenario.changing import with_effects, with_override
 from cosim.scenario.checking import check
-from cosim.scenario.reading import structure, table_of
+from cosim.scenario.parts import FORMAT, Component, Experiment, Teleoperation
+from cosim.scenario.reading import connections_of, record_of, table_of, unknown_keys
 from cosim.scenario.scenario import Scenario
+
+_TOP = {
+    "format",
+    "name",
+    "title",
+    "description",
+    "experiment",
+    "components",
+    "connections",
+    "teleoperation",
+    "warnings",
+}
+
+
+def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
+    """The scenario of a TOML table; problems are appended, None where nothing useful is left."""
+    where = path.name
+    unknown_keys(table, _TOP, where, problems)
+    if table.get("format", FORMAT) != FORMAT:
+        problems.append(Problem(f"{where}: format", str(FORMAT), repr(table["format"]), "this cosim reads format 1"))
+    for key in ("experiment", "components"):
+        if not isinstance(table.get(key), dict):
+            problems.append(
+                Problem(f"{where}: [{key}]", "a table", "nothing" if key not in table else "something else")
+            )
+    if not all(isinstance(table.get(key), dict) for key in ("experiment", "components")):
+        return None
+    experiment = record_of(Experiment, table["experiment"], f"{where}: experiment", problems)
+    components = {
+        name: component
+        for name, entry in table["components"].items()
+        if (component := record_of(Component, entry, f"{where}: components.{name}", problems)) is not None
+    }
+    teleoperation = record_of(Teleoperation, table.get("teleoperation", {}), f"{where}: teleoperation", problems)
+    connections = connections_of(table.get("connections", []), set(table["components"]), where, problems)
+    return Scenario(
+        str(table.get("name", path.stem)),
+        experiment or Experiment(stop=1.0),
+        components,
+        connections,
+        title=str(table.get("title", "")).strip(),
+        description=str(table.get("description", "")).strip(),
+        teleoperation=teleoperation or Teleoperation(),
+        folder=path.parent,
+        warnings=tuple(map(str, table.get("warnings", ()))),
+    )
 
 
 def load_scenario(
@@ -21,7 +68,7 @@ def load_scenario(
     Raises InputError with every problem found.
     """
     scenario, problems = draft(name_or_path, overrides, effects)
-    if problems:
+    if problems or scenario is None:
         raise InputError(problems)
     return scenario
 
@@ -59,17 +106,8 @@ def shipped(room: str = "scenario") -> list[Path]:
 
 
 def with_parameters(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
-    """The scenario with values at paths: `arm_l.q_start[1]`, `controller_*.stiffness`, `experiment.stop`.
-
-    The paths are those of `--set` and of sweep axes. Raises InputError with every problem found.
-    """
-    problems: list[Problem] = []
-    for path, value in values.items():
-        scenario = assign(scenario, path, value, problems)
-    problems += check(scenario, scenario.name)
-    if problems:
-        raise InputError(problems)
-    return scenario
+    """See `Scenario.with_values`."""
+    return scenario.with_values(values)
 
 
 def _find(name_or_path: str | Path) -> Path:

@@ -6,21 +6,15 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar
 
-from attrs import fields
+from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.scenario import (
-    FORMAT,
-    Algorithm,
-    Component,
-    Connection,
-    Experiment,
-    Extrapolation,
-    Scenario,
-    Teleoperation,
-)
+from cosim.scenario.parts import Algorithm, Connection, Extrapolation
 from cosim.signals import Signal
+
+Record = TypeVar("Record", bound=AttrsInstance)
 
 
 def table_of(path: Path) -> dict:
@@ -41,53 +35,6 @@ def read_toml(path: Path) -> dict:
         raise InputError(Problem(str(path), "TOML", str(error))) from None
 
 
-_TOP = {
-    "format",
-    "name",
-    "title",
-    "description",
-    "experiment",
-    "components",
-    "connections",
-    "teleoperation",
-    "warnings",
-}
-
-
-def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
-    """The scenario of a TOML table; problems are appended, None where nothing useful is left."""
-    where = path.name
-    unknown_keys(table, _TOP, where, problems)
-    if table.get("format", FORMAT) != FORMAT:
-        problems.append(Problem(f"{where}: format", str(FORMAT), repr(table["format"]), "this cosim reads format 1"))
-    for key in ("experiment", "components"):
-        if not isinstance(table.get(key), dict):
-            problems.append(
-                Problem(f"{where}: [{key}]", "a table", "nothing" if key not in table else "something else")
-            )
-    if not all(isinstance(table.get(key), dict) for key in ("experiment", "components")):
-        return None
-    experiment = record_of(Experiment, table["experiment"], f"{where}: experiment", problems)
-    components = {
-        name: component
-        for name, entry in table["components"].items()
-        if (component := record_of(Component, entry, f"{where}: components.{name}", problems)) is not None
-    }
-    teleoperation = record_of(Teleoperation, table.get("teleoperation", {}), f"{where}: teleoperation", problems)
-    connections = _connections(table.get("connections", []), set(table["components"]), where, problems)
-    text = {key: str(table[key]).strip() for key in ("title", "description") if key in table}
-    return Scenario(
-        str(table.get("name", path.stem)),
-        experiment or Experiment(stop=1.0),
-        components,
-        connections,
-        teleoperation=teleoperation or Teleoperation(),
-        folder=path.parent,
-        warnings=tuple(map(str, table.get("warnings", ()))),
-        **text,
-    )
-
-
 def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: list[Problem]) -> None:
     """Adds a problem for each key that nobody reads."""
     known = sorted(known)
@@ -96,9 +43,10 @@ def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: lis
             problems.append(Problem(f"{where}: {key}", "a known key", "an unknown one", did_you_mean(key, known)))
 
 
-def record_of(kind: type, table: object, where: str, problems: list[Problem]):
-    """An instance of a frozen class from a TOML table by cattrs, unknown keys and wrong types reported; None if
-    hopeless.
+def record_of(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
+    """An instance of a frozen class from a TOML table, made by cattrs; None where the table does not give one.
+
+    Unknown keys and values of a wrong type are added to `problems`.
     """
     if not isinstance(table, dict):
         problems.append(Problem(where, "a table", type(table).__name__))
@@ -136,7 +84,8 @@ class _UnfitError(Exception):
     """A value of the wrong kind: what was expected, what came, advice."""
 
 
-def _strict(value: object, kind, words: str):
+def _strict(value: object, kind: type | tuple[type, ...], words: str) -> Any:
+    """The value, which is of the kind asked for. Raises _UnfitError where it is of another."""
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise _UnfitError(words, repr(value), "")
     return value
@@ -173,7 +122,8 @@ def _key(error: Exception) -> str:
 _WIRE = re.compile(r"^\s*(?P<source>[^\s]+)\s*->\s*(?P<target>[^\s]+)\s*$")
 
 
-def _connections(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
+def connections_of(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
+    """The connections of a table; what is wrong with an entry is added to `problems`."""
     found = []
     for number, entry in enumerate(entries if isinstance(entries, list) else [entries], start=1):
         match = _WIRE.match(entry) if isinstance(entry, str) else None

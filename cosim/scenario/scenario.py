@@ -1,130 +1,33 @@
-"""What a scenario is: components with their parameters, connections, experiment."""
+"""A scenario: a co-simulation, described."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import Enum
-from pathlib import Path
+from typing import final
 
-from attrs import field, frozen
+from attrs import frozen
 
-from cosim.signals import Signal
-
-FORMAT = 1
-NANOSECONDS = 1_000_000_000
-
-
-class Algorithm(Enum):
-    """Master algorithm: who sees whose new values within a communication step."""
-
-    JACOBI = "jacobi"
-    GAUSS_SEIDEL = "gauss-seidel"
+from cosim.errors import InputError, Problem
+from cosim.scenario.changing import assign
+from cosim.scenario.checking import check
+from cosim.scenario.parts import ScenarioParts
 
 
-class Extrapolation(Enum):
-    """How an input moves within a communication step: held, or along a line through two values."""
-
-    HOLD = "hold"
-    LINEAR = "linear"
-
-
+@final
 @frozen
-class Experiment:
-    """How long [s], in which communication steps [s, whole nanoseconds], by which algorithm.
+class Scenario(ScenarioParts):
+    """A co-simulation, described: components with their parameters, the connections, how they are stepped."""
 
-    `order` fixes the order of Gauss-Seidel (empty: found from the wiring); every `record_every`-th step is kept; a run
-    ends as diverged once the absolute value of an output passes `bound`; `seed` goes to every component with a `seed`.
-    """
+    def with_values(self, values: Mapping[str, object]) -> Scenario:
+        """The scenario with values at paths: `arm_l.q_start[1]`, `controller_*.stiffness`, `experiment.stop`.
 
-    stop: float
-    step: float = 1e-3
-    algorithm: Algorithm = Algorithm.GAUSS_SEIDEL
-    extrapolation: Extrapolation = Extrapolation.LINEAR
-    order: tuple[str, ...] = ()
-    record_every: int = 1
-    fmi: int = 2
-    seed: int = 0
-    bound: float = 1e6
-
-    @property
-    def step_ns(self) -> int:
-        """The communication step in whole nanoseconds."""
-        return round(self.step * NANOSECONDS)
-
-    @property
-    def steps(self) -> int:
-        """Number of communication steps."""
-        return round(self.stop * NANOSECONDS / self.step_ns)
-
-    @property
-    def rows(self) -> int:
-        """Number of communication points recorded, t = 0 included."""
-        return self.steps // self.record_every + 1
-
-
-@frozen
-class Component:
-    """An FMU instance: of one of our models, of a file, or of a recording (columns of a CSV, played back as y[1], y[2],
-    ...).
-
-    `parameters` maps FMU parameter names (`q_start`, a list or one value for all elements, or `q_start[2]`) to values;
-    `parameter_set` names one of the arm's published sets, which `parameters` override.
-    """
-
-    model: str | None = None
-    fmu: str | None = None
-    recording: str | None = None
-    columns: tuple[str, ...] = ()
-    time: str = "time"
-    interpolation: Extrapolation = Extrapolation.LINEAR
-    unit: str = ""
-    scale: float = 1.0
-    step_multiple: int = 1
-    parameter_set: str | None = None
-    parameters: Mapping[str, object] = field(factory=dict)
-
-    @property
-    def kind(self) -> str:
-        """Its model, file or recording in one word."""
-        return self.model or Path(self.fmu or self.recording or "?").stem
-
-
-@frozen
-class Connection:
-    """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`)."""
-
-    source: Signal
-    target: Signal
-
-    def __str__(self) -> str:
-        return f"{self.source} -> {self.target}"
-
-
-@frozen
-class Teleoperation:
-    """Which component is the local and which the remote arm: for tracking figures and delays per direction."""
-
-    local: str = "arm_l"
-    remote: str = "arm_r"
-
-
-@frozen
-class Scenario:
-    """A co-simulation, described. `folder` is where relative file names start; `effects` what was applied, for the
-    reader; `warnings` what its reader is told whenever it is used.
-    """
-
-    name: str
-    experiment: Experiment
-    components: Mapping[str, Component]
-    connections: tuple[Connection, ...]
-    title: str = ""
-    description: str = ""
-    teleoperation: Teleoperation = Teleoperation()
-    folder: Path = field(default=Path(), eq=False)
-    effects: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def arms(self) -> tuple[str, str] | None:
-        """Names of the local and the remote arm, None where the scenario has not both."""
-        pair = (self.teleoperation.local, self.teleoperation.remote)
-        return pair if all(name in self.components for name in pair) else None
+        The paths are those of `--set` and of sweep axes. Raises InputError with every problem found.
+        """
+        problems: list[Problem] = []
+        changed = self
+        for path, value in values.items():
+            changed = assign(changed, path, value, problems)
+        problems += check(changed, changed.name)
+        if problems:
+            raise InputError(problems)
+        return changed

@@ -5,10 +5,10 @@ from enum import Enum
 
 from attrs import asdict
 
-from cosim.scenario.scenario import FORMAT, Scenario
+from cosim.scenario.parts import FORMAT, ScenarioParts
 
 
-def to_toml(scenario: Scenario) -> str:
+def to_toml(scenario: ScenarioParts) -> str:
     """The scenario as the text of a TOML file that loads to the same scenario."""
     lines = [f"format = {FORMAT}", f"name = {_value(scenario.name)}"]
     lines += [f"{key} = {_value(text)}" for key in ("title", "description") if (text := getattr(scenario, key))]
@@ -47,8 +47,8 @@ def _value(value: object) -> str:
         return repr(float(value)) if isinstance(value, float) else repr(value)
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_value(item) for item in value) + "]"
-    if hasattr(value, "tolist"):
-        return _value(value.tolist())
+    if callable(tolist := getattr(value, "tolist", None)):  # numbers and arrays of numpy
+        return _value(tolist())
     return '"' + "".join(_ESCAPES.get(c, c) for c in str(value)) + '"'
 
 

@@ -53,9 +53,9 @@ def _outgrown(
     scenario: Scenario, name: str, description: FmuDescription, values: Mapping[str, float | str]
 ) -> list[Problem]:
     """The problem of a channel whose delay is known beforehand and outgrows its buffer in the time of the run."""
-    law, mean, most = (values.get(key, description.variables[key].start) for key in ("law", "delay_mean", "delay_max"))
-    law = description.variables["law"].items[int(law) - 1]
-    key, delay = ("delay_mean", mean) if law == "constant" else ("delay_max", most)
+    law = description.variables["law"].items[int(description.start("law", values)) - 1]
+    key = "delay_mean" if law == "constant" else "delay_max"
+    delay = description.start(key, values)
     experiment = scenario.experiment
     step = scenario.components[name].step_multiple * experiment.step
     if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):
@@ -98,9 +98,9 @@ def _start(variable: Variable, value: object, where: str, problems: list[Problem
     return value
 
 
-def vector_starts(starts: Mapping[str, float | str]) -> dict[str, list]:
+def vector_starts(starts: Mapping[str, float | str]) -> dict[str, list[float | str]]:
     """Start values by stem, elements in order: for tables."""
-    groups: dict[str, list[tuple[int, object]]] = {}
+    groups: dict[str, list[tuple[int, float | str]]] = {}
     for name, value in starts.items():
         groups.setdefault(stem(name), []).append((index_of(name), value))
     return {key: [value for _, value in sorted(entries, key=lambda e: e[0])] for key, entries in groups.items()}

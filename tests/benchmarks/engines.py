@@ -28,8 +28,8 @@ import numpy as np
 
 from cosim.engine.master import run
 from cosim.engine.reference import execute as in_python
-from cosim.export.container import write_container
-from cosim.export.structure import component_fmus, write_ssp
+from cosim.exports.container import write_container
+from cosim.exports.structure import component_fmus, write_ssp
 from cosim.fmu import descriptions, extracted, open_system
 from cosim.scenario import load_scenario, load_text, with_parameters
 from cosim.wiring import wire
@@ -321,7 +321,7 @@ def monolith(case: Workload) -> Runner:
 def one_lane(case: Workload) -> Runner:
     """Our batch kernel compiled for one scenario: the same physics without FMI."""
     from build_fmus.library import library_path
-    from cosim.sweep import kernel
+    from cosim.sweeps import kernel
 
     library = kernel.prepared(ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno")))))
     usual = kernel._library

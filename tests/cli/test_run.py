@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from cosim.analysis.twin import judged_run, twin_of
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
 from cosim.report.html import render
 from cosim.report.run import run_report
 from cosim.results.summary import Tracking, limit_time, summary, tracking
 from cosim.scenario import load_scenario, with_parameters
-from cosim.stability.twin import judged_run, twin_of
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ import pytest
 
 import tests.support.arm_oracle as oracle
 from cosim.closure.closure import Options, close_loop
-from cosim.closure.data.motion import prepare, thinned
-from cosim.closure.data.setting import formulate
 from cosim.closure.document import answer
 from cosim.closure.model.candidates import Normal, screened
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.model import complete, with_choices
+from cosim.closure.model.motion import prepare, thinned
+from cosim.closure.model.setting import formulate
 from cosim.closure.model.unnamed import hats
 from cosim.closure.score.errors import torque_error
 from cosim.closure.score.selection import Rule, polished

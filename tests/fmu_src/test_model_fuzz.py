@@ -1,7 +1,6 @@
 """The physics in C under the address and undefined-behaviour sanitizers, with parameters and inputs from their whole
 ranges."""
 
-import shutil
 import subprocess
 
 import pytest
@@ -87,12 +86,11 @@ def parameter_rows(model: str) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.needs("cc")
 @pytest.mark.parametrize(
     "model", ["PhantomArm", "AxisDrive", "VariableDelayChannel", "InverseDynamicsController", "ForceObserver"]
 )
 def test_sanitizers_find_nothing_and_no_state_is_lost(model, tmp_path):
-    if not shutil.which("cc"):
-        pytest.skip("no system compiler with sanitizers")
     source = CompiledModel(model).source.replace("(int)m->internal_steps", "(int)fmin(m->internal_steps, 8)")
     code, program = tmp_path / "fuzz.c", tmp_path / "fuzz"
     code.write_text(source + MAIN % {"rows": parameter_rows(model), "trials": 1500})

@@ -2,11 +2,11 @@
 
 import pytest
 
-from cosim.closure.data.rigid_body import rigid_body
 from cosim.closure.drive import ArmDrive, JointDrive, drive_of
+from cosim.closure.model.rigid_body import rigid_body
 from cosim.effects.moving_arm import arm_geometry
 from cosim.errors import InputError
-from cosim.identify.linear_model import linear_model
+from cosim.identification.linear_model import linear_model
 from cosim.measured import AxisDevice, Label, PhantomDevice, RegressorDevice, parse_description
 from cosim.measured.device import DEVICES, Device
 

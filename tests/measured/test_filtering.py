@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cosim.arm import dynamics
-from cosim.identify.regressor import axis, gravity_columns, kinetic_slope, momentum, phantom
+from cosim.identification.regressor import axis, gravity_columns, kinetic_slope, momentum, phantom
 from cosim.measured.filtering import FilteredMotion, FirstOrder, Window, ZeroPhase, derivative, near_reversal
 from cosim.measured.recording import Run
 

@@ -3,8 +3,8 @@ preprocessing."""
 
 import pytest
 
-from cosim.identify.identification import identify, unexcited
-from cosim.identify.idim import idim
+from cosim.identification.identification import identify, unexcited
+from cosim.identification.idim import idim
 from cosim.measured import read
 
 PUBLISHED = (95.1089, 203.5034, 20.3935, -3.1648)  # M [kg], Fv [N s/m], Fc [N], offset [N] (dataset.json)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.engine.master import run
-from cosim.identify.ladder import gain_ladder, limit
+from cosim.identification.ladder import gain_ladder, limit
 from cosim.report.applications import tracking
 from cosim.scenario import load_scenario, with_parameters
 

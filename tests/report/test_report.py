@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from cosim.analysis.twin import twin_of
 from cosim.engine.master import run
 from cosim.engine.reference import execute
 from cosim.fmu import open_system
@@ -15,7 +16,6 @@ from cosim.report.run import run_report
 from cosim.report.wiring import block_diagram, place
 from cosim.results.summary import Judged
 from cosim.scenario import Component, load_scenario, with_parameters
-from cosim.stability.twin import twin_of
 from tests.support.fakes import MODELS, FakeSystem, oscillator, scenario
 
 
@@ -116,7 +116,7 @@ def test_empty_reports_render():
 def judged():
     made = oscillator(stop=1.0)
     system = FakeSystem(made, MODELS)
-    return Judged(run(made, system, executor=execute), system.wiring(made), run(made, system, executor=execute).outcome)
+    return Judged(run(made, system, executor=execute), system.wiring(made))
 
 
 def test_the_report_of_a_run_without_arms(judged):

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.stability.spectrum import DelaySystem, abscissa
-from cosim.sweep.points import Point, PointResult
-from cosim.sweep.pool import Task
+from cosim.analysis.spectrum import DelaySystem, abscissa
+from cosim.sweeps.points import Point, PointResult
+from cosim.sweeps.pool import Task
 
 MASS, DAMPING = 0.06, 0.09
 

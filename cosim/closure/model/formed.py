@@ -5,9 +5,9 @@ from collections.abc import Callable, Hashable, Sequence
 import numpy as np
 from attrs import define, field
 
-from cosim.closure.data.friction import FrictionLaw
-from cosim.closure.data.setting import Setting
 from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.friction import FrictionLaw
+from cosim.closure.model.setting import Setting
 from cosim.effects import Effect
 from cosim.effects.motion import Columns, Joints, Theta
 

@@ -5,11 +5,11 @@ from functools import cached_property
 import numpy as np
 from attrs import define, evolve, field
 
-from cosim.closure.data.friction import FORMS, FrictionLaw, laws
-from cosim.closure.data.setting import Setting
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.formed import FormedColumns
+from cosim.closure.model.friction import FORMS, FrictionLaw, laws
 from cosim.closure.model.gram import Gram, GramFit, accumulate, fit
+from cosim.closure.model.setting import Setting
 from cosim.effects import Effect, EffectEstimate, Scene
 from cosim.effects.motion import Columns, Joints, Slopes
 from cosim.measured import Label

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from attrs import Factory, define, evolve, field, frozen
 
-from cosim.closure.data.motion import FitRows, SmoothedMotion
+from cosim.closure.model.motion import FitRows, SmoothedMotion
 from cosim.effects import Effect, EffectEstimate, Scene
 from cosim.effects.motion import Columns, Joints, Theta
 from cosim.effects.transmission import displaced

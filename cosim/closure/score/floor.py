@@ -8,9 +8,9 @@ between the repeats.
 
 import numpy as np
 
-from cosim.closure.data.motion import SmoothedMotion
-from cosim.closure.data.smoothing import convolve, kernel, noise_left, position_noise
 from cosim.closure.model.model import Model
+from cosim.closure.model.motion import SmoothedMotion
+from cosim.closure.model.smoothing import convolve, kernel, noise_left, position_noise
 
 SAME = 0.01  # RMS difference of two cycles of a joint, as a share of its own RMS about the mean
 SHORTEST = 0.5  # s, shortest period

@@ -1,0 +1,93 @@
+"""`stability.json`: criteria, spectrum, margins and simulation of a scenario side by side, in plain values."""
+
+from cosim.analysis.assessment import CoupledSide
+from cosim.analysis.comparison import Comparison
+from cosim.analysis.criteria import Criterion
+from cosim.analysis.margin import Margins
+from cosim.results.summary import number
+
+
+def document(found: Comparison) -> dict[str, object]:
+    """The content of stability.json: the keys of the contract, and more. A delay without limit is null with `unbounded`
+    true.
+    """
+    t = found.theory
+    return {
+        "scenario": found.judged.result.scenario.name,
+        "pose": list(t.pose),
+        "delays": {"mean": list(t.delays), "longest": [number(d) for d in t.longest], "constant": t.constant},
+        "effective_damping": None if t.pair is None else min(float(side.effective.min()) for side in t.pair),
+        "effective_damping_sides": {} if t.pair is None else {side.arm: _side(side) for side in t.pair},
+        "delay_sum": _criterion(t.delay_sum),
+        "sallam_eq10": _criterion(t.sallam_eq10),
+        "known_mass": {"holds": t.known_mass, **_delay(t.law_bound)},
+        "spectrum": {"abscissa": t.abscissa, **_delay(found.max_delay)},
+        "margin": _margin(found.margins),
+        "passivity": {
+            arm: {"passive": p.passive, "damping": p.damping, "frequency": p.frequency}
+            for arm, p in found.ports.items()
+        },
+        "simulation": {
+            "outcome": found.judged.outcome.value,
+            "growth_rate": number(found.judged.growth_rate),
+            "interval": None if found.judged.interval is None else [number(v) for v in found.judged.interval],
+            "advice": found.judged.outcome.advice,
+        },
+        "evidence": found.evidence.value,
+        "evidence_meaning": found.evidence.meaning,
+        "added_ages": dict(found.added_ages),
+        "notes": list(notes(found)),
+    }
+
+
+def notes(found: Comparison) -> list[str]:
+    """What a reader should know before believing a number."""
+    t, said = found.theory, list(found.judged.notes)
+    if not t.constant:
+        said.append(
+            "the delay varies: the spectrum is that of the mean delay and proves "
+            "nothing for the law; the criteria take its bound"
+        )
+    if t.pair and not all(side.compensated for side in t.pair):
+        said.append("gravity is not compensated: delay_sum and sallam_eq10 assume that it is")
+    if t.delay_sum and t.sallam_eq10 and t.sallam_eq10.holds and not t.delay_sum.holds:
+        said.append("sallam_eq10 holds where the delay-sum condition does not: it is not sufficient and proves nothing")
+    if t.abscissa is None:
+        said.append("no spectrum: the loop holds a sampled FMU whose memory a linearisation does not see")
+    return said
+
+
+def _side(side: CoupledSide) -> dict[str, object]:
+    unit = "N.m.s/rad" if side.joint_space else "N.s/m"
+    return {
+        "controller": side.damping.tolist(),
+        "plant": side.viscosity.value,
+        "at_pose": list(side.viscosity.pose),
+        "unit": unit,
+    }
+
+
+def _criterion(criterion: Criterion | None) -> dict[str, object] | None:
+    if criterion is None:
+        return None
+    return {
+        "holds": criterion.holds,
+        **_delay(criterion.max_delay),
+        "sufficient": criterion.sufficient,
+        "guarantees": criterion.guarantees,
+    }
+
+
+def _delay(value: float | None) -> dict[str, object]:
+    return {"max_delay": number(value), "unbounded": value is not None and number(value) is None}
+
+
+def _margin(margins: Margins | None) -> dict[str, object] | None:
+    if margins is None:
+        return None
+    return {
+        "gain": number(margins.gain),
+        "phase_deg": number(margins.phase),
+        "delay": number(margins.delay),
+        "crossover": number(margins.crossover),
+    }

@@ -1,0 +1,281 @@
+"""The loop of a scenario, linearised by its own FMUs at a pose: x' = sum over paths of A x(t - age - channel delays).
+
+Every FMU gives its A, B, C, D by directional derivatives after initialisation at the pose. Outputs that act at once
+(a controller's force) are followed back to states; on the way each connection adds the age that the master gives it
+(`Hop.age`) and each channel its delay. A loop whose own-position and damping paths cross FMUs carries those ages too:
+to first order an age d of the own position takes K d off the damping (-K x(t - d) = -K x + K d dx), one of the
+velocity B d off the mass; at the crossing frequency w the two together act as B - m w^2 d. So the boundary moves by
+more than the age of the received sample; the spectrum with the age of every path predicts it.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import field, frozen
+
+from cosim.analysis.spectrum import DelayFamily, DelaySystem
+from cosim.engine.master import System, initialise
+from cosim.engine.reference import marked
+from cosim.errors import InputError, Problem, RunError
+from cosim.scenario import Scenario, with_parameters
+from cosim.signals import stem
+from cosim.wiring import Link, Wiring
+
+CHANNEL = "VariableDelayChannel"
+
+
+@frozen
+class Way:
+    """How a state reaches a derivative: age added by the co-simulation [s] and the channels passed."""
+
+    age: float
+    channels: tuple[str, ...]
+
+
+@frozen
+class LinearFmu:
+    """x' = A x + B u, y = C x + D u of one FMU at the pose; only wired inputs and outputs."""
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    a: np.ndarray = field(eq=False)
+    b: np.ndarray = field(eq=False)
+    c: np.ndarray = field(eq=False)
+    d: np.ndarray = field(eq=False)
+
+
+@frozen
+class LinearLoop:
+    """The linearised loop: names of the states kept, and one matrix (n, n) for every way; delays of the channels [s].
+
+    `channels` maps each channel to its bounds (least, mean, greatest) [s]; `constant` says whether all delays are
+    constant.
+    """
+
+    states: tuple[str, ...]
+    terms: Mapping[Way, np.ndarray] = field(eq=False)
+    channels: Mapping[str, tuple[float, float, float]]
+    constant: bool
+    fmus: Mapping[str, LinearFmu] = field(eq=False, repr=False)
+
+    def system(self) -> DelaySystem:
+        """The loop at the mean delays of its channels."""
+        delays = [max(way.age + sum(self.channels[c][1] for c in way.channels), 0.0) for way in self.terms]
+        return DelaySystem(list(self.terms.values()), delays)
+
+    def family(self) -> DelayFamily | None:
+        """The loop with one free delay for all channels; None where it has no channel or a way passes two."""
+        if not self.channels or any(len(way.channels) > 1 for way in self.terms):
+            return None
+        size = len(self.states)
+        parts = []
+        for count in (0, 1):
+            chosen = [(matrix, max(way.age, 0.0)) for way, matrix in self.terms.items() if len(way.channels) == count]
+            matrices, ages = zip(*chosen) if chosen else ((np.zeros((size, size)),), (0.0,))
+            parts.append(DelaySystem(matrices, ages))
+        return DelayFamily(*parts)
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """Mean delays of the first two channels [s] (local to remote, remote to local); zeros where there are none."""
+        means = [bounds[1] for bounds in self.channels.values()] + [0.0, 0.0]
+        return means[0], means[1]
+
+    @property
+    def longest(self) -> tuple[float, float]:
+        """Greatest delays of the first two channels [s]."""
+        bounds = [b[2] for b in self.channels.values()] + [0.0, 0.0]
+        return bounds[0], bounds[1]
+
+
+def at_pose(scenario: Scenario, pose: Sequence[float] | None) -> Scenario:
+    """The scenario with both arms starting at rest at the pose (3,) [rad]; unchanged without one."""
+    if pose is None:
+        return scenario
+    arms = scenario.arms or ()
+    values = {f"{arm}.q_start[{k + 1}]": float(q) for arm in arms for k, q in enumerate(pose)}
+    return with_parameters(scenario, values | {f"{arm}.dq_start": 0.0 for arm in arms})
+
+
+def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None) -> LinearLoop:
+    """Linearise the loop at the start pose of the scenario, on loaded FMUs. Raises RunError, InputError.
+
+    mark: where it says which FMU is at work (see cosim.engine.reference.marked).
+    """
+    wiring, mark = system.wiring(scenario), marked() if mark is None else mark
+    instances = {instance.name: instance for instance in system.instances(wiring)}
+    initialise(wiring, list(instances.values()), mark)
+    channels, fmus = channel_bounds(wiring), {}
+    for number, name in enumerate(scenario.components):
+        mark[1] = number
+        fmus[name] = _channel(wiring, name) if name in channels else _linear(wiring, name, instances[name])
+    states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
+    if not states:
+        raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))
+    terms = _Paths(wiring, fmus, states, set(channels)).derivatives()
+    kept = _relevant(states, terms)
+    if not kept:
+        raise InputError(
+            Problem(
+                scenario.name,
+                "states whose FMUs act on each other in a loop",
+                "none",
+                "connect the arms through a controller",
+            )
+        )
+    terms = {way: matrix[np.ix_(kept, kept)] for way, matrix in terms.items()}
+    terms = {way: matrix for way, matrix in terms.items() if np.any(matrix) or way == Way(0.0, ())}
+    used = {c for way in terms for c in way.channels}
+    return LinearLoop(
+        tuple(states[k] for k in kept),
+        terms,
+        {n: b[:3] for n, b in channels.items() if n in used},
+        all(channels[n][3] for n in used),
+        fmus,
+    )
+
+
+def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]]:
+    """For every channel its least, mean and greatest delay [s] and whether it is constant."""
+    return {n: _bounds(wiring, n) for n in wiring.scenario.components if wiring.descriptions[n].model == CHANNEL}
+
+
+def _linear(wiring: Wiring, name: str, instance: Any) -> LinearFmu:
+    variables = wiring.descriptions[name].variables.values()
+    rates = {v.derivative_of: v.name for v in variables if v.derivative_of}
+    inputs = tuple(wiring.inputs(name))
+    outputs = tuple(dict.fromkeys(link.source.variable for link in wiring.links if link.source.component == name))
+    states, slopes = tuple(rates), tuple(rates.values())
+    if not states and not (inputs and outputs):
+        return LinearFmu(
+            (), inputs, outputs, *(np.zeros((len(r), len(c))) for r in ((), outputs) for c in ((), inputs))
+        )
+    knowns, unknowns = states + inputs, slopes + outputs
+    whole = instance.jacobian(unknowns, knowns)
+    if not np.isfinite(whole).all():
+        row, column = np.argwhere(~np.isfinite(whole))[0]
+        raise RunError(
+            name, 0.0, f"the derivative of {unknowns[row]} by {knowns[column]} is not finite at the start pose"
+        )
+    n = len(states)
+    return LinearFmu(states, inputs, outputs, whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
+
+
+def _channel(wiring: Wiring, name: str) -> LinearFmu:
+    """A channel: y = u, w = v; its delay stands in the way, not in the matrix."""
+    inputs = tuple(wiring.inputs(name))
+    outputs = tuple(dict.fromkeys(link.source.variable for link in wiring.links if link.source.component == name))
+    partner = {"y": "u", "w": "v"}
+    through = np.array([[float(partner.get(o[0]) == i[0] and o[1:] == i[1:]) for i in inputs] for o in outputs])
+    through = through.reshape(len(outputs), len(inputs))
+    return LinearFmu(
+        (), inputs, outputs, np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(outputs), 0)), through
+    )
+
+
+def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
+    """Least, mean and greatest delay [s] of a channel, and whether it is constant."""
+
+    def value(key: str) -> float:
+        return wiring.start(name, key)
+
+    law = wiring.descriptions[name].variables["law"].items[int(value("law")) - 1]
+    loses = value("loss_good") > 0 or (value("loss_bad") > 0 and value("loss_to_bad") > 0)
+    if law == "constant":
+        mean = value("delay_mean")
+        return mean, mean, mean if not loses else np.inf, not loses
+    if law == "recorded":
+        return 0.0, value("delay_mean"), np.inf, False
+    low, high = value("delay_min"), value("delay_max")
+    return low, 0.5 * (low + high), high if not loses else np.inf, False
+
+
+class _Paths:
+    """Follows signals back to states: each is a sum over ways of a row vector over the states of the system."""
+
+    def __init__(
+        self, wiring: Wiring, fmus: Mapping[str, LinearFmu], states: Sequence[str], channels: set[str]
+    ) -> None:
+        place = {s: k for k, s in enumerate(states)}
+        self.fmus, self.size = fmus, len(states)
+        self.places = {name: [place[f"{name}.{state}"] for state in fmu.states] for name, fmu in fmus.items()}
+        self.channels = channels
+        age = {str(hop.connection): hop.age for hop in wiring.hops}
+        self.sources = {
+            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age))
+            for link in wiring.links
+        }
+        self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
+
+    def derivatives(self) -> dict[Way, np.ndarray]:
+        """One matrix (n, n) for every way."""
+        total: dict[Way, np.ndarray] = {Way(0.0, ()): np.zeros((self.size, self.size))}
+        for name, fmu in self.fmus.items():
+            for row, k in enumerate(self.places[name]):
+                for way, vector in self._sum(name, fmu.a[row], fmu.b[row]).items():
+                    total.setdefault(way, np.zeros((self.size, self.size)))[k] += vector
+        return total
+
+    def _sum(self, name: str, by_state: np.ndarray, by_input: np.ndarray) -> dict[Way, np.ndarray]:
+        fmu, total = self.fmus[name], {}
+        own = np.zeros(self.size)
+        own[self.places[name]] = by_state
+        _add(total, Way(0.0, ()), own)
+        for variable, weight in zip(fmu.inputs, by_input):
+            if weight != 0.0:
+                for way, vector in self._input(name, variable).items():
+                    _add(total, way, weight * vector)
+        return total
+
+    def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
+        if (name, variable) not in self.known:
+            component, output, age = self.sources[f"{name}.{variable}"]
+            self.known[name, variable] = {
+                Way(round(way.age + age, 12), way.channels): vector
+                for way, vector in self._output(component, output).items()
+            }
+        return self.known[name, variable]
+
+    def _output(self, name: str, variable: str) -> dict[Way, np.ndarray]:
+        fmu = self.fmus[name]
+        row = fmu.outputs.index(variable)
+        through = (name,) if name in self.channels else ()
+        return {Way(way.age, way.channels + through): v for way, v in self._sum(name, fmu.c[row], fmu.d[row]).items()}
+
+
+def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
+    if np.any(vector):
+        total[way] = total.get(way, 0.0) + vector
+
+
+def _age(link: Link, wiring: Wiring, ages: Mapping[str, float]) -> float:
+    """Age of the connection that the link is part of [s]."""
+    for connection in wiring.scenario.connections:
+        source, target = connection.source, connection.target
+        if (source.component, target.component) != (link.source.component, link.target.component):
+            continue
+        if source.variable in (link.source.variable, stem(link.source.variable)) and target.variable in (
+            link.target.variable,
+            stem(link.target.variable),
+        ):
+            return ages[str(connection)]
+    return 0.0
+
+
+def _relevant(states: Sequence[str], terms: Mapping[Way, np.ndarray]) -> list[int]:
+    """States that change and that act on something: effects that are absent leave states that do neither."""
+    total = np.asarray(sum(np.abs(matrix) for matrix in terms.values()))
+    kept = list(range(len(states)))
+    while True:
+        part = total[np.ix_(kept, kept)]
+        off = part - np.diag(np.diag(part))
+        useful = [k for n, k in enumerate(kept) if part[n].any() and (off[:, n].any() or _is_arm_state(states[k]))]
+        if useful == kept:
+            return kept
+        kept = useful
+
+
+def _is_arm_state(name: str) -> bool:
+    return name.partition(".")[2].partition("[")[0] in ("q", "dq", "q_link", "dq_link")

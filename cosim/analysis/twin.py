@@ -1,0 +1,92 @@
+"""A run and its twin: the same scenario with a slightly different start, so that the growth of small disturbances
+shows.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from attrs import evolve
+
+from cosim.analysis.verdict import judge, perturbation
+from cosim.engine.master import Result, System, run
+from cosim.engine.outcome import Outcome
+from cosim.engine.reference import RunProgress
+from cosim.engine.table import stacked
+from cosim.results.summary import Judged, number, tracking
+from cosim.scenario import Scenario, with_parameters
+from cosim.signals import stem
+from cosim.wiring import Wiring
+
+_ROWS = 100_000  # that a verdict looks at, at most twice as many
+
+
+def twin_of(wiring: Wiring) -> Scenario | None:
+    """The scenario, the start of every arm moved by 1e-6 rad/s (see cosim.analysis.verdict); None without an arm."""
+    arms = {
+        name: len(wiring.descriptions[name].elements("dq_start"))
+        for name in wiring.scenario.components
+        if wiring.descriptions[name].elements("dq_start") and wiring.descriptions[name].elements("dq")
+    }
+    if not arms:
+        return None
+    changes = perturbation(arms)
+    starts = {path: float(wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0)) for path in changes}
+    return with_parameters(wiring.scenario, {path: starts[path] + change for path, change in changes.items()})
+
+
+def judged_run(
+    scenario: Scenario,
+    system: System,
+    progress: Callable[[RunProgress], None] | None = None,
+    record: Sequence[str] | None = None,
+    simulate: Callable[..., Result] = run,
+) -> Judged:
+    """Run a scenario, and its twin unless the first run failed or was interrupted; both on the loaded FMUs.
+
+    simulate: who runs them (`cosim.engine.isolation.runner`).
+    """
+    result = simulate(scenario, system, progress, record)
+    wiring = system.wiring(scenario)
+    plain = Judged(result, wiring, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted)
+    twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
+    if twin is None:
+        return plain
+    return _with_verdict(plain, simulate(twin, system, progress, _rates(result.signals)))
+
+
+def verdict_signals(wiring: Wiring) -> list[str]:
+    """What verdict and tracking read of a run: see `_rates`, the operator's force, and the tips of both arms."""
+    arms = wiring.scenario.arms or ()
+    others = {"operator.f", *(f"{arm}.x" for arm in arms)}
+    return [*_rates(wiring.signals), *(name for name in wiring.signals if stem(name) in others)]
+
+
+def _rates(signals: Iterable[str]) -> list[str]:
+    """What the verdict reads of the twin: joint angles and rates, and whether a motor is at its limit."""
+    return [name for name in signals if stem(name).rpartition(".")[2] in ("q", "dq", "saturated")]
+
+
+def _thinned(result: Result, every: int) -> Result:
+    """Every so many rows of what the verdict reads."""
+    if every == 1:
+        return result
+    names = [*_rates(result.signals), *(name for name in result.signals if stem(name) == "operator.f")]
+    values = stacked(result.signals, names, every)
+    return evolve(result, time=result.time[::every], signals=dict(zip(names, values.T)))
+
+
+def _with_verdict(plain: Judged, twin: Result) -> Judged:
+    if twin.interrupted or twin.outcome is Outcome.FAILED:
+        return evolve(
+            plain,
+            notes=(*plain.notes, f"no verdict: the twin run ended early ({twin.message})"),
+            interrupted=twin.interrupted,
+        )
+    every = len(plain.result.time) // _ROWS + 1
+    verdict = judge(_thinned(plain.result, every), _thinned(twin, every))
+    interval = tuple(number(v) for v in verdict.interval)
+    return evolve(
+        plain,
+        result=evolve(plain.result, outcome=verdict.outcome),
+        growth_rate=number(verdict.growth_rate),
+        interval=None if None in interval else interval,
+    )

@@ -1,0 +1,116 @@
+"""Stability of a scenario's loop: criteria, spectrum, margins and simulation side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+from attrs import frozen
+
+from cosim.analysis.comparison import Comparison, compare
+from cosim.analysis.document import document
+from cosim.analysis.linearisation import LinearLoop, at_pose
+from cosim.api.card import card
+from cosim.api.runs import load
+from cosim.engine.reference import RunProgress
+from cosim.errors import RunError
+from cosim.fmu import open_system
+from cosim.results.saving import save_files, write_json
+from cosim.scenario import Scenario
+
+if TYPE_CHECKING:
+    from cosim.report.canvas import MplFigure
+
+
+def stability(
+    scenario: Scenario | str | Path,
+    *,
+    pose: Sequence[float] | None = None,
+    progress: Callable[[RunProgress], None] | None = None,
+) -> StabilityResult:
+    """Criteria, the exact spectrum, margins and a simulated growth rate of a scenario's loop.
+
+    pose: joint angles (q1, q2, q3) [rad] of both arms (default: the scenario's start); progress: see `cosim.run`.
+    Raises InputError where the scenario does not fit its FMUs, RunError where an FMU fails.
+    """
+    chosen = at_pose(scenario if isinstance(scenario, Scenario) else load(scenario), pose)
+    with open_system(chosen) as system:
+        return StabilityResult(*compare(chosen, system, progress))
+
+
+@final
+@frozen(eq=False, repr=False)
+class StabilityResult:
+    """What is known of the stability of a loop, by theory and by simulation."""
+
+    comparison: Comparison
+    loop: LinearLoop
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of stability.json."""
+        return document(self.comparison)
+
+    @property
+    def failure(self) -> RunError | None:
+        """The error of an FMU that ended the simulation; None where none did."""
+        return self.comparison.judged.result.failure
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended the simulation."""
+        return self.comparison.judged.interrupted
+
+    def plot(self) -> MplFigure:
+        """The figure of the report: Nyquist curve, spectrum, and the growth rate against the delay."""
+        from cosim.report.stability import loop_figure
+
+        return loop_figure(self.comparison, self.loop)
+
+    def save(self, folder: str | Path, *, report: bool = True) -> Path:
+        """Write report.html and stability.json; returns the folder."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page} if report else {}
+        save_files(folder, files | {"stability.json": lambda path: write_json(self.to_dict(), path)})
+        return folder
+
+    def _write_page(self, path: Path) -> Path:
+        from cosim.report.html import write_report
+        from cosim.report.stability import stability_report
+
+        return write_report(stability_report(self.comparison, self.loop), path)
+
+    def __str__(self) -> str:
+        """What `cosim stability` prints."""
+        rows = _rows(self.comparison)
+        width = max(len(name) for name, _ in rows)
+        judged = self.comparison.judged
+        head = f"{judged.result.scenario.name}: {judged.outcome.value}; {self.comparison.evidence.meaning}"
+        return "\n".join([head, *(f"  {name:<{width}}  {value}" for name, value in rows)])
+
+    def __repr__(self) -> str:
+        return f"<StabilityResult {self.comparison.judged.result.scenario.name}: {self.comparison.evidence.value}>"
+
+    def _repr_html_(self) -> str:
+        return card(str(self).partition("\n")[0], dict(_rows(self.comparison)))
+
+
+def _rows(found: Comparison) -> list[tuple[str, str]]:
+    t, judged = found.theory, found.judged
+    rows = [("pose", "q = (" + ", ".join(f"{q:g}" for q in t.pose) + ") rad")]
+    if t.delay_sum and t.sallam_eq10:
+        safe = _verdict(t.delay_sum.holds, "guaranteed", "not guaranteed", t.delay_sum.max_delay)
+        printed = _verdict(t.sallam_eq10.holds, "satisfied", "not satisfied", t.sallam_eq10.max_delay)
+        rows += [("delay-sum condition", safe), ("Sallam Eq. 10 (not sufficient)", printed)]
+    if t.law_bound is not None:
+        rows += [("any law, this plant", _verdict(t.known_mass, "guaranteed", "not guaranteed", t.law_bound))]
+    if t.abscissa is not None:
+        limit = "" if found.max_delay is None else f", stable to {found.max_delay:.4g} s each way"
+        rows += [("spectrum", f"{'unstable' if t.abscissa > 0 else 'stable'}, abscissa {t.abscissa:+.5g} 1/s{limit}")]
+    rate = "" if judged.growth_rate is None else f", {judged.growth_rate:+.5g} 1/s"
+    return [*rows, ("simulation", f"{judged.outcome.value}{rate}"), ("evidence", found.evidence.value)]
+
+
+def _verdict(holds: bool, yes: str, no: str, limit: float) -> str:
+    return f"{yes if holds else no}, holds to {limit:.4g} s each way"

@@ -1,0 +1,180 @@
+"""Batch sweeps of stability: points in parallel, boundaries, a table."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+from attrs import evolve, frozen
+
+from cosim.api.card import card
+from cosim.results.files import write_table
+from cosim.results.frames import table_frame
+from cosim.results.saving import save_files, write_json
+from cosim.sweeps.campaign import Campaign, Curve, SweepProgress, first_point, run_sweep, task_of
+from cosim.sweeps.evaluate import check, origin
+from cosim.sweeps.spec import Sweep, load_sweep
+from cosim.sweeps.table import columns, kernel_replay, summary, units
+
+if TYPE_CHECKING:
+    import pandas
+
+    from cosim.report.canvas import MplFigure
+    from cosim.sweeps.pool import Workers
+
+
+def sweep(
+    spec: Sweep | str | Path,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    folder: str | Path | None = None,
+    set: Mapping[str, object] | None = None,
+    effects: str | Path | None = None,
+    progress: Callable[[SweepProgress], None] | None = None,
+) -> SweepTable:
+    """Carry out a batch sweep: every point by twin runs, in worker processes or on a Dask cluster.
+
+    workers: processes (default: one a core); dask: address of a scheduler; folder: where what is computed is
+    kept, so that the same call goes on after an interruption (default: a temporary one); set: fixed values to change.
+    progress: called with how far the sweep is; `print` will do.
+    Raises InputError where the sweep or its scenario is wrong, or `folder` holds another sweep.
+    """
+    found = described(spec, set or {}, effects)
+    if folder is not None:
+        return _carried_out(found, Path(folder), workers, dask, progress)
+    with tempfile.TemporaryDirectory(prefix="cosim-sweep-") as name:
+        return _carried_out(found, Path(name), workers, dask, progress)
+
+
+def described(spec: Sweep | str | Path, changed: Mapping[str, object], effects: str | Path | None = None) -> Sweep:
+    """A shipped sweep by name, or a TOML file by path, with fixed values changed and an effects file.
+
+    Raises InputError with every problem found.
+    """
+    found = spec if isinstance(spec, Sweep) else load_sweep(str(spec))
+    chosen = found.effects if effects is None else str(Path(effects).resolve())
+    return evolve(found, set=dict(found.set) | dict(changed), effects=chosen)
+
+
+def how(spec: Sweep) -> str:
+    """How the points will be computed, in words. Raises InputError where the first point does not fit the scenario."""
+    return check(task_of(spec), first_point(spec))
+
+
+def _carried_out(
+    spec: Sweep, folder: Path, workers: int | None, dask: str | None, progress: Callable[[SweepProgress], None] | None
+) -> SweepTable:
+    said = how(spec)
+    pool, words = _pool(workers, dask)
+    with pool:
+        source = origin(task_of(spec), first_point(spec))
+        return SweepTable(run_sweep(spec, folder, pool, f"{said}; {words}", tell=progress, origin=source))
+
+
+def _pool(workers: int | None, dask: str | None) -> tuple[Workers, str]:
+    """The workers, and what they are in words."""
+    if dask:
+        from cosim.sweeps.cluster import DaskPool
+
+        return DaskPool(dask), f"Dask cluster at {dask}"
+    from cosim.sweeps.pool import LocalPool
+
+    count = workers or os.cpu_count() or 1
+    return LocalPool(count), f"{count} local process{'es' if count > 1 else ''}"
+
+
+@final
+@frozen(eq=False, repr=False)
+class SweepTable:
+    """A sweep that was carried out: a row a point."""
+
+    campaign: Campaign
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The content of summary.json."""
+        return summary(self.campaign)
+
+    @property
+    def boundary(self) -> list[list[list[float]]]:
+        """The traced boundaries: lines of vertices (x, y) in the units of the axes."""
+        return self.summary["boundary"]
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """The table by columns: axes, outcome, growth_rate, evidence, replay, ..."""
+        return columns(self.campaign)
+
+    def __len__(self) -> int:
+        return len(self.campaign.points)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A row a point; units in `attrs`. Needs pandas."""
+        return table_frame(self.columns, units(self.campaign))
+
+    def plot(self) -> MplFigure:
+        """The figure of the report: the map with its boundary, or the crossings along the last axis."""
+        from cosim.report.sweep import plain_figure
+
+        return plain_figure(self.campaign)
+
+    def save(self, folder: str | Path, *, report: bool = True) -> Path:
+        """Write sweep.h5, report.html and summary.json, the last when all else is there; returns the folder."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        campaign = self.campaign
+        names = {"sweep": campaign.sweep.name, "scenario": campaign.sweep.scenario}
+        files: dict[str, Callable[[Path], object]] = {
+            "sweep.h5": lambda path: write_table(self.columns, units(campaign), names, path),
+        }
+        if report:
+            files["report.html"] = self._write_page
+        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)})
+        return folder
+
+    def _write_page(self, path: Path) -> Path:
+        from cosim.report.html import write_report
+        from cosim.report.sweep import sweep_report
+
+        return write_report(sweep_report(self.campaign), path)
+
+    def __str__(self) -> str:
+        """What `cosim sweep` prints."""
+        rows = _rows(self.campaign)
+        width = max(len(name) for name, _ in rows)
+        return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+    def __repr__(self) -> str:
+        return f"<SweepTable {self.campaign.sweep.name}: {len(self)} points, {len(self.boundary)} boundary lines>"
+
+    def _repr_html_(self) -> str:
+        return card(self.campaign.sweep.title or self.campaign.sweep.name, dict(_rows(self.campaign)))
+
+
+def _rows(campaign: Campaign) -> list[tuple[str, str]]:
+    outcomes = Counter(found.outcome for found in campaign.findings)
+    said = ", ".join(f"{count} {name}" for name, count in sorted(outcomes.items()))
+    rows = [("points", f"{len(campaign.points)} ({campaign.known_before} known before): {said}")]
+    rows += [("executor", campaign.executor)]
+    if (replay := kernel_replay(campaign)) is not None:
+        largest = replay["largest_relative_difference"]
+        words = "they end differently" if largest is None else f"largest relative difference {largest:.2g}"
+        rows += [("replayed", f"{replay['points']} of the kernel's points by the FMUs: {words}")]
+    return rows + [(f"boundary {curve.label}".strip(), _curve(curve)) for curve in campaign.curves[:10]]
+
+
+def _curve(curve: Curve) -> str:
+    if not curve.lines:
+        where = "none in the range"
+    elif len(curve.lines[0][0]) == 1:
+        where = ", ".join(f"{line[0][0]:.5g}" for line in curve.lines)
+    else:
+        where = f"{len(curve.lines)} curve(s)"
+    if curve.audit is None:
+        return where
+    return f"{where}, missed area below {100 * curve.audit.bound:.2g} % ({100 * curve.audit.level:g} % confidence)"

@@ -1,0 +1,202 @@
+"""The wired scenario as an SSP 1.0 archive: structure, FMUs, parameter values (SSP 1.0, Modelica Association, 2019).
+
+Parameter values are written at their component, because some tools drop those of the system. They are compiled into the
+component's own FMU too, because some tools (libcosim) know no enumerations, and so are the values that its inputs have
+at the start, because some tools pass those on only once. SSP has no element for the master algorithm: an annotation of
+the Open Simulation Platform gives the communication step, and one of our own gives the algorithm, the extrapolation and
+the order of the components. `cosim.scenario.ssp` reads both.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree as xml
+
+from cosim.engine.master import run
+from cosim.errors import RunError
+from cosim.fmu import describe, fmu_file
+from cosim.scenario import with_parameters
+from cosim.scenario.ssp import MASTER, VENDOR
+from cosim.signals import FmuDescription, Unit, Variable
+from cosim.wiring import Wiring
+
+_NAMESPACES = {
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "master": MASTER,
+}
+_EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_COLUMN, _ROW = 60.0, 40.0  # size of a block in a diagram
+
+
+def write_ssp(wiring: Wiring, path: Path, platforms: Sequence[str] | None = None) -> Path:
+    """Write the scenario as an SSP archive (same input, same bytes) with FMUs of FMI 2.0; returns its path.
+
+    Raises RunError where an FMU cannot be built.
+    """
+    from build_fmus.archive import zip_bytes
+
+    fmus = component_fmus(wiring, platforms)
+    files = {f"resources/{name}.fmu": fmu.read_bytes() for name, fmu in fmus.items()}
+    descriptions = {name: describe(fmu) for name, fmu in fmus.items()}
+    files["SystemStructure.ssd"] = system_structure(wiring, descriptions)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(zip_bytes(files))
+    return path
+
+
+def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: int = 2) -> dict[str, Path]:
+    """An FMU for every component; those of our models have parameters and inputs at t = 0 compiled in as start
+    values.
+    """
+    from build_fmus import BuildError, fmu_path
+
+    inputs = _first_inputs(wiring)
+    scenario = with_parameters(wiring.scenario, {"experiment.fmi": fmi})
+    fmus = {}
+    for name, component in scenario.components.items():
+        try:
+            fmus[name] = (
+                fmu_path(component.model, fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name])
+                if component.model
+                else fmu_file(component, scenario)
+            )
+        except BuildError as error:
+            raise RunError(name, None, f"cannot be built: {error}") from None
+    return fmus
+
+
+def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
+    """The values of each component's wired inputs at t = 0."""
+    period = len(wiring.schedule.phases) * wiring.scenario.experiment.step  # s: whole steps of every component
+    first = run(with_parameters(wiring.scenario, {"experiment.stop": period}))
+    values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}
+    for link in wiring.links:
+        values[link.target.component][link.target.variable] = float(first.signals[str(link.source)][0])
+    return values
+
+
+def _numbers(starts: Mapping[str, float | str]) -> dict[str, float]:
+    return {key: float(value) for key, value in starts.items()}
+
+
+def system_structure(wiring: Wiring, descriptions: Mapping[str, FmuDescription]) -> bytes:
+    """The SystemStructure.ssd of a scenario whose components' FMUs lie as resources/COMPONENT.fmu."""
+    for prefix, uri in _NAMESPACES.items():
+        xml.register_namespace(prefix, uri)
+    scenario = wiring.scenario
+    root = _element("ssd:SystemStructureDescription", version="1.0", name=scenario.name, generationTool="cosim")
+    system = _element("ssd:System", root, name="loop", description=scenario.title or scenario.name)
+    elements = _element("ssd:Elements", system)
+    for place, name in enumerate(scenario.components):
+        _component(elements, name, f"resources/{name}.fmu", descriptions[name], wiring, place)
+    connections = _element("ssd:Connections", system)
+    for link in wiring.links:
+        _element(
+            "ssd:Connection",
+            connections,
+            startElement=link.source.component,
+            startConnector=link.source.variable,
+            endElement=link.target.component,
+            endConnector=link.target.variable,
+        )
+    _units(root, descriptions)
+    _experiment(root, wiring)
+    xml.indent(root)
+    return xml.tostring(root, encoding="UTF-8", xml_declaration=True)
+
+
+def _element(qualified: str, parent: xml.Element | None = None, /, **attributes: object) -> xml.Element:
+    prefix, local = qualified.split(":")
+    tag = f"{{{_NAMESPACES[prefix]}}}{local}"
+    texts = {key: str(value) for key, value in attributes.items() if value}
+    return xml.Element(tag, texts) if parent is None else xml.SubElement(parent, tag, texts)
+
+
+def _component(
+    elements: xml.Element, name: str, source: str, description: FmuDescription, wiring: Wiring, place: int
+) -> None:
+    component = _element(
+        "ssd:Component",
+        elements,
+        name=name,
+        type="application/x-fmu-sharedlibrary",
+        source=source,
+        description=description.text,
+    )
+    connectors = _element("ssd:Connectors", component)
+    wired = {str(s) for link in wiring.links for s in (link.source, link.target)}
+    for variable in description.variables.values():
+        kind = variable.causality if variable.causality in ("input", "output") else None
+        if kind and (kind == "output" or f"{name}.{variable.name}" in wired):
+            connector = _element(
+                "ssd:Connector", connectors, name=variable.name, kind=kind, description=variable.description
+            )
+            _type(connector, variable)
+    x, y = 2 * _COLUMN * (place % 4), 2 * _ROW * (place // 4)
+    _element("ssd:ElementGeometry", component, x1=f"{x:g}", y1=f"{y:g}", x2=f"{x + _COLUMN:g}", y2=f"{y + _ROW:g}")
+    _parameters(component, name, description, wiring.starts[name])
+
+
+def _type(connector: xml.Element, variable: Variable) -> None:
+    kind = {"Real": "Real", "Boolean": "Boolean", "String": "String"}.get(variable.type, "Integer")
+    _element(f"ssc:{kind}", connector, **({"unit": variable.unit.name} if kind == "Real" else {}))
+
+
+def _parameters(
+    component: xml.Element, name: str, description: FmuDescription, starts: Mapping[str, float | str]
+) -> None:
+    if not starts:
+        return
+    bindings = _element("ssd:ParameterBindings", component)
+    values = _element("ssd:ParameterValues", _element("ssd:ParameterBinding", bindings))
+    parameters = _element(
+        "ssv:Parameters", _element("ssv:ParameterSet", values, version="1.0", name=f"{name} start values")
+    )
+    for key, value in starts.items():
+        variable = description.variables[key]
+        parameter = _element("ssv:Parameter", parameters, name=key)
+        _value(parameter, variable, value)
+
+
+def _value(parameter: xml.Element, variable: Variable, value: float | str) -> None:
+    if variable.type == "Boolean":
+        _element("ssv:Boolean", parameter, value="true" if value else "false")
+    elif variable.type == "String":
+        _element("ssv:String", parameter).set("value", str(value))
+    elif variable.type == "Real":
+        _element("ssv:Real", parameter, value=repr(float(value)), unit=variable.unit.name)
+    else:
+        _element("ssv:Integer", parameter, value=str(int(value)))
+
+
+def _units(root: xml.Element, descriptions: Mapping[str, FmuDescription]) -> None:
+    found = {v.unit.name: v.unit for d in descriptions.values() for v in d.variables.values() if v.unit.name}
+    if not found:
+        return
+    units = _element("ssd:Units", root)
+    for name in sorted(found):
+        unit = _element("ssc:Unit", units, name=name)
+        _element("ssc:BaseUnit", unit, **_base(found[name]))
+
+
+def _base(unit: Unit) -> dict[str, str]:
+    exponents = {key: str(n) for key, n in zip(_EXPONENTS, unit.exponents or ()) if n}
+    return exponents | ({"factor": repr(unit.factor)} if unit.factor != 1.0 else {})
+
+
+def _experiment(root: xml.Element, wiring: Wiring) -> None:
+    experiment = wiring.scenario.experiment
+    default = _element("ssd:DefaultExperiment", root, startTime="0.0", stopTime=repr(experiment.stop))
+    annotations = _element("ssd:Annotations", default)
+    annotation = _element("ssc:Annotation", annotations, type="com.opensimulationplatform")
+    _element("osp:FixedStepAlgorithm", _element("osp:Algorithm", annotation), baseStepSize=repr(experiment.step))
+    master = _element(
+        "master:Algorithm",
+        _element("ssc:Annotation", annotations, type=VENDOR),
+        name=experiment.algorithm.value,
+        extrapolation=experiment.extrapolation.value,
+    )
+    for name in wiring.order:
+        _element("master:Component", master, name=name, stepMultiple=wiring.scenario.components[name].step_multiple)

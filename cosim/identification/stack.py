@@ -1,0 +1,171 @@
+"""The rows of all runs below each other: filtered, decimated, with marks for what is fitted and what is held out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.identification.linear_model import LinearModel, linear_model
+from cosim.identification.method import Method
+from cosim.identification.regressor import RegressorColumns, slow_columns
+from cosim.measured.device import Device
+from cosim.measured.filtering import FilteredMotion, motion
+from cosim.measured.label import Label
+from cosim.measured.recording import Recording, Run
+
+
+@frozen(eq=False)
+class Stack:
+    """Linear model of a recording: y (n, nj, p), tau and its rate (n, nj); n counts time stamps of all runs.
+
+    keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; test (n,): held out;
+    run (n,): number of the run; time (n,) [s]; q, dq (n, nj) as filtered; step [s] between rows.
+    """
+
+    y: np.ndarray
+    tau: np.ndarray
+    tau_rate: np.ndarray
+    keep: np.ndarray
+    settled: np.ndarray
+    test: np.ndarray
+    run: np.ndarray
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    step: float
+    labels: tuple[Label, ...]
+    units: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def fit(self) -> np.ndarray:
+        """Equations to fit on, (n, nj)."""
+        return self.keep & ~self.test[:, None]
+
+    @property
+    def held_out(self) -> np.ndarray:
+        """Equations to judge on, (n, nj), with the same treatment of reversals."""
+        return self.keep & self.test[:, None]
+
+    def equations(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """y (m, p), tau (m,), joint (m,), time-stamp number (m,) of the marked equations (n, nj)."""
+        stamp, joint = np.nonzero(rows)
+        return self.y[rows], self.tau[rows], joint, stamp
+
+
+def stack(recording: Recording, method: Method) -> Stack:
+    """All runs through the method's filters."""
+    model = linear_model(recording.device, recording.description)
+    motions = [_motion(recording, run, method) for run in recording.runs]
+    speed = np.sqrt(np.concatenate([m.dq**2 for m in motions]).mean(axis=0))
+    pieces = [_piece(model, m, method, speed, number) for number, m in enumerate(motions)]
+    first = pieces[0]
+    joined = Stack(
+        y=np.concatenate([piece.y for piece in pieces]),
+        tau=np.concatenate([piece.tau for piece in pieces]),
+        tau_rate=np.concatenate([piece.tau_rate for piece in pieces]),
+        keep=np.concatenate([piece.keep for piece in pieces]),
+        settled=np.concatenate([piece.settled for piece in pieces]),
+        test=np.concatenate([piece.test for piece in pieces]),
+        run=np.concatenate([piece.run for piece in pieces]),
+        time=np.concatenate([piece.time for piece in pieces]),
+        q=np.concatenate([piece.q for piece in pieces]),
+        dq=np.concatenate([piece.dq for piece in pieces]),
+        step=first.step,
+        labels=first.labels,
+        units=first.units,
+    )
+    return _with_rows(joined, recording.joints)
+
+
+def _motion(recording: Recording, run: Run, method: Method) -> FilteredMotion:
+    found = motion(recording, run, method.before)
+    return found if method.both_sides else evolve(found, tau=run.tau)
+
+
+def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.ndarray, number: int) -> Stack:
+    columns = model.columns(moved, method.low_pass, method.reversals.smoothing)
+    n, step = len(moved.time), moved.step
+    head, tail = (
+        min(sum(rows), n // 8) for rows in zip(method.low_pass.settle(step), method.before.settle(step), strict=True)
+    )
+    before, after = (sum(rows) for rows in zip(method.low_pass.spread(step), method.before.spread(step), strict=True))
+    settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
+    keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None]
+    columns = _with_tail(columns, model.device, moved, method, speed)
+    pick = slice(None, None, method.low_pass.decimation(step))
+    return Stack(
+        y=columns.y[pick],
+        tau=columns.tau[pick],
+        tau_rate=method.low_pass.rate(moved.tau, step)[pick],
+        keep=keep[pick],
+        settled=settled[pick],
+        test=moved.run.test[pick],
+        run=np.full(len(columns.tau[pick]), number),
+        time=moved.time[pick],
+        q=moved.q[pick],
+        dq=moved.dq[pick],
+        step=step * (pick.step or 1),
+        labels=columns.labels,
+        units=columns.units,
+    )
+
+
+def _with_tail(
+    columns: RegressorColumns, device: Device, moved: FilteredMotion, method: Method, speed: np.ndarray
+) -> RegressorColumns:
+    """A column `slow` per joint where the law of the sign is not known: what a smooth sign differs by from sgn(dq) on
+    the slowest rows.
+    """
+    slowest = method.reversals.slowest(speed)
+    if slowest is None or not slowest.all():
+        return columns
+    tail = method.low_pass.low(slow_columns(moved.dq, slowest), moved.step)
+    labels = [device.label("slow", joint) for joint in range(len(speed))]
+    unit = columns.units[columns.labels.index(coulomb_label(labels[0]))]
+    return evolve(
+        columns,
+        y=np.concatenate([columns.y, tail], axis=2),
+        labels=(*columns.labels, *labels),
+        units=(*columns.units, *[unit] * len(labels)),
+    )
+
+
+def coulomb_label(slow: Label) -> Label:
+    """The Coulomb friction that a `slow` column belongs to."""
+    return evolve(slow, name="coulomb")
+
+
+def without(full: Stack, labels: tuple[Label, ...]) -> Stack:
+    """The stack with some columns taken out."""
+    kept = [k for k, label in enumerate(full.labels) if label not in labels]
+    return with_columns(full, kept)
+
+
+def with_columns(full: Stack, kept: Sequence[int]) -> Stack:
+    """The stack with these columns alone."""
+    return evolve(
+        full,
+        y=full.y[:, :, list(kept)],
+        labels=tuple(full.labels[k] for k in kept),
+        units=tuple(full.units[k] for k in kept),
+    )
+
+
+def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
+    """Where leaving out reversals leaves less than a twentieth of the rows of a joint, all its rows are kept, with a
+    note.
+    """
+    train, keep, notes = full.settled & ~full.test, full.keep.copy(), []
+    for j, joint in enumerate(joints):
+        if full.fit[:, j].sum() < max(0.05 * train.sum(), 3 * full.y.shape[2]):
+            keep[:, j] = full.settled
+            notes.append(
+                f"{joint}: almost all rows are near a reversal; none left out, Coulomb friction is not reliable"
+            )
+    return evolve(full, keep=keep, notes=tuple(notes))
+
+
+def everything(full: Stack) -> Stack:
+    """The same rows with none left out at reversals."""
+    return evolve(full, keep=np.repeat(full.settled[:, None], full.tau.shape[1], axis=1))

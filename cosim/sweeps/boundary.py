@@ -1,0 +1,388 @@
+"""Adaptive tracing of the stability boundary: where a growth rate changes sign, in one or two dimensions.
+
+A tracer is a generator that yields lists of places in the unit interval or square, receives their growth rates (NaN:
+unknown), and returns the boundary. It asks in rounds and decides from complete rounds only, so that its path does not
+depend on how many workers answer or in which order.
+
+Two dimensions: values on a jittered lattice; cells with doubtful signs are split (`quadtree`); each crossed edge gets
+its zero by Chandrupatla's method; between two zeros the boundary is checked at the middle and moved along the gradient
+until the sagitta of what is left is below the tolerance.
+"""
+
+from collections.abc import Generator
+
+import numpy as np
+from attrs import field, frozen
+
+from cosim.sweeps.quadtree import Cell, Lattice, Node, Tree, each_edge, gradient, opposite
+
+Places = list[tuple[float, ...]]
+Tracer = Generator[Places, list[float], "Boundary"]
+
+_TRACES = 5
+"""How often a trace is begun again because the boundary left a cell unseen (places known are not asked for again)."""
+
+
+@frozen
+class Precision:
+    """How finely to trace: `tolerance` in the unit box, `cells` first cells a side, `seed` of the jitter."""
+
+    tolerance: float = 0.002
+    cells: int = 8
+    seed: int = 0
+
+
+@frozen
+class Boundary:
+    """What a tracer found: curves (n, d) in the unit box, and in two dimensions the tree it found them with."""
+
+    curves: tuple[np.ndarray, ...] = field(eq=False)
+    tree: Tree | None = field(default=None, eq=False)
+
+    def predicted(self, positions: np.ndarray) -> np.ndarray:
+        """Sign (n,) that the traced boundary gives positions (n, 2): +1 unstable, -1 stable, 0 not known.
+
+        The sign of the nearest known corner, turned once for each boundary segment between.
+        """
+        assert self.tree is not None  # in two dimensions there is one
+        known = [(self.tree.lattice.position(n), v) for n, v in self.tree.values.items() if np.isfinite(v)]
+        corners, signs = np.array([p for p, _ in known]), np.array([1.0 if v > 0 else -1.0 for _, v in known])
+        found = np.zeros(len(positions))
+        if not known:
+            return found
+        for k, position in enumerate(positions):
+            nearest = int(np.argmin(np.sum((corners - position) ** 2, axis=1)))
+            crossed = sum(_crossings(position, corners[nearest], curve) for curve in self.curves)
+            found[k] = signs[nearest] * (-1.0) ** crossed
+        return found
+
+    def distance(self, positions: np.ndarray) -> np.ndarray:
+        """Distance (n,) of positions (n, 2) from the boundary in the unit box; inf where there is none."""
+        if not self.curves:
+            return np.full(len(positions), np.inf)
+        return np.array(
+            [min(_distance(position, curve) for curve in self.curves) for position in np.asarray(positions)]
+        )
+
+
+# one dimension -------------------------------------------------------------------------------------------------------
+
+
+def trace_line(precision: Precision) -> Tracer:
+    """All sign changes along the unit interval that `cells` even steps can tell apart; curves are single places (1,
+    1).
+    """
+    nodes = np.linspace(0.0, 1.0, precision.cells + 1)
+    values = yield [(float(x),) for x in nodes]
+    pairs = [k for k in range(precision.cells) if opposite(values[k], values[k + 1])]
+    brackets = [Bracket(nodes[[k]], nodes[[k + 1]], values[k], values[k + 1]) for k in pairs]
+    places = yield from narrow(brackets, precision.tolerance)
+    return Boundary(tuple(place[None, :] for place in places))
+
+
+@frozen
+class Bracket:
+    """Two places (d,) with rates of different sign."""
+
+    low: np.ndarray
+    high: np.ndarray
+    at_low: float
+    at_high: float
+
+    def along(self, share: float) -> np.ndarray:
+        """The place at a share of the way from low to high."""
+        return self.low + share * (self.high - self.low)
+
+
+def narrow(
+    brackets: list[Bracket], tolerance: float, rounds: int = 60
+) -> Generator[Places, list[float], list[np.ndarray]]:
+    """Zeros inside brackets by Chandrupatla's method (1997), all brackets together, one value each a round.
+
+    A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
+    to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
+    the estimate means nothing). One that is shorter than the tolerance from the beginning, with twice the rate at one
+    end, needs no value more: its zero is within the tolerance of the estimate, and near it where the rate does not
+    jump.
+    """
+    hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
+    for _ in range(rounds):
+        open_ones = [hunt for hunt in hunts if not hunt.done]
+        if not open_ones:
+            break
+        values = yield [tuple(float(x) for x in hunt.place()) for hunt in open_ones]
+        for hunt, value in zip(open_ones, values):
+            hunt.learn(value)
+    return [hunt.place() for hunt in hunts]
+
+
+class _Hunt:
+    """A zero along one bracket, in shares of its length.
+
+    `a` is the newest end and `b` the one across the zero; `c`, once there is one, is the end that was left last.
+    """
+
+    def __init__(self, bracket: Bracket, tolerance: float) -> None:
+        self.bracket = bracket
+        self.length = float(np.linalg.norm(bracket.high - bracket.low))
+        self.tolerance = tolerance / 3.0
+        self.a, self.fa, self.b, self.fb = 1.0, bracket.at_high, 0.0, bracket.at_low
+        self.c = self.fc = np.nan
+        small, large = sorted((abs(self.fa), abs(self.fb)))
+        self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
+
+    def share(self) -> float:
+        """The next estimate: the secant's at first, then that of the inverse parabola through a, b and c where that
+        is sure to be monotonous, else the middle; kept away from the ends by a hundredth.
+        """
+        a, b, c, fa, fb, fc = self.a, self.b, self.c, self.fa, self.fb, self.fc
+        share = 0.5 * (a + b)
+        if np.isnan(c):
+            share = (a * fb - b * fa) / (fb - fa)
+        elif fc not in (fa, fb):
+            reach, rise = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            if rise**2 < reach and (1.0 - rise) ** 2 < 1.0 - reach:
+                share = a + (b - a) * fa / (fb - fa) * fc / (fb - fc) + (c - a) * fa / (fc - fa) * fb / (fc - fb)
+        low, high = min(a, b), max(a, b)
+        margin = 0.01 * (high - low)
+        return float(np.clip(share, low + margin, high - margin))
+
+    def place(self) -> np.ndarray:
+        """The estimate as a place."""
+        return self.bracket.along(self.share())
+
+    def learn(self, value: float) -> None:
+        """Take the rate at the estimate; an unknown one (NaN) is taken for stable, so that the hunt ends."""
+        share = self.share()
+        value = value if np.isfinite(value) else -max(abs(self.fa), abs(self.fb))
+        smooth = abs(value) <= 0.2 * min(abs(self.fa), abs(self.fb))
+        if opposite(self.fa, value):
+            self.b, self.fb, self.c, self.fc = self.a, self.fa, self.b, self.fb
+        else:
+            self.c, self.fc = self.a, self.fa
+        self.a, self.fa = share, value
+        moved = abs(self.share() - share) * self.length
+        self.done = (smooth and moved < self.tolerance) or abs(self.a - self.b) * self.length < self.tolerance
+
+
+# two dimensions ------------------------------------------------------------------------------------------------------
+
+
+def trace_square(precision: Precision, tree: Tree | None = None) -> Tracer:
+    """The boundary in the unit square; `tree` goes on from an earlier trace (after an audit has found something
+    missed).
+    """
+    tree = tree or Tree(Lattice.jittered(precision.cells, precision.seed))
+    yield from _complete(tree)
+    for leaf in tree.suspicious():
+        tree.split(leaf)
+    yield from _complete(tree)
+    lines: list[list[np.ndarray]] = []
+    for _ in range(_TRACES):
+        while any([tree.split(leaf) for leaf in tree.crowded()]):  # noqa: C419 - every leaf is split
+            yield from _complete(tree)
+        segments = yield from _segments(tree, precision.tolerance)
+        lines, loose = yield from _bent(segments, tree, precision.tolerance)
+        if not any([tree.split(leaf) for leaf in _around(tree, loose)]):  # noqa: C419 - every leaf is split
+            break
+        yield from _complete(tree)
+    return Boundary(tuple(_joined(lines)), tree)
+
+
+def _around(tree: Tree, places: list[np.ndarray]) -> list[Cell]:
+    """Leaves that hold places where the boundary was not found across a chord: it runs on through an edge, as tips of
+    tongues do.
+    """
+    return list(dict.fromkeys(tree.leaf_at(tree.lattice.place(place)) for place in places))
+
+
+def _complete(tree: Tree) -> Generator[Places, list[float], None]:
+    nodes = tree.unknown()
+    if nodes:
+        values = yield [tuple(float(x) for x in tree.lattice.position(node)) for node in nodes]
+        tree.learn(nodes, values)
+
+
+@frozen
+class _BoundarySegment:
+    """Two zeros on the edges of one leaf."""
+
+    leaf: Cell
+    start: np.ndarray = field(eq=False)
+    end: np.ndarray = field(eq=False)
+
+
+def _segments(tree: Tree, tolerance: float) -> Generator[Places, list[float], list[_BoundarySegment]]:
+    """Zeros of all crossed edges, joined across leaves."""
+    crossed = list(each_edge(tree))
+    parts = list(dict.fromkeys(part for _, leaf_parts in crossed for part in leaf_parts))
+    brackets = [_bracket(tree, part) for part in parts]
+    zeros = dict(zip(parts, (yield from narrow(brackets, tolerance))))
+    return [_BoundarySegment(leaf, zeros[p[0]], zeros[p[1]]) for leaf, p in crossed if len(p) == 2]
+
+
+def _bracket(tree: Tree, part: tuple[Node, Node]) -> Bracket:
+    low, high = part
+    position = tree.lattice.position
+    return Bracket(position(low), position(high), tree.values[low], tree.values[high])
+
+
+@frozen
+class _Chord:
+    """A chord of line number `line` of the polylines, and the gradient of the rate in its leaf."""
+
+    line: int
+    start: np.ndarray = field(eq=False)
+    end: np.ndarray = field(eq=False)
+    slope: np.ndarray = field(eq=False)
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Middle of the chord (2,)."""
+        return 0.5 * (self.start + self.end)
+
+    @property
+    def length(self) -> float:
+        """Length of the chord in the unit box."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    def step(self, value: float) -> np.ndarray:
+        """Newton step (2,) from the middle, across the chord, at most half its length."""
+        normal = np.array([self.start[1] - self.end[1], self.end[0] - self.start[0]]) / self.length
+        slope = float(self.slope @ normal)
+        size = np.clip(-value / slope if slope != 0 else self.length, -0.5 * self.length, 0.5 * self.length)
+        return size * normal
+
+
+def _bent(
+    segments: list[_BoundarySegment], tree: Tree, tolerance: float
+) -> Generator[Places, list[float], tuple[list[list[np.ndarray]], list[np.ndarray]]]:
+    """Polylines of all segments, bent until a chord leaves the boundary by less than the tolerance; and loose places.
+
+    The zero across the middle of each chord becomes a vertex; the two new chords have a quarter of its sagitta, so
+    that bending ends where the vertex lies within two tolerances of the chord. A place is loose where no zero was met
+    across a chord.
+    """
+    lines, loose = [[s.start, s.end] for s in segments], []
+    todo = [_Chord(n, s.start, s.end, gradient(tree.lattice, tree.values, s.leaf)) for n, s in enumerate(segments)]
+    for _ in range(5):
+        todo = [chord for chord in todo if chord.length > 2.0 * tolerance and np.all(np.isfinite(chord.slope))]
+        if not todo:
+            break
+        vertices, lost = yield from _vertices(todo, tolerance)
+        loose += lost
+        later = []
+        for chord, vertex in zip(todo, vertices):
+            lines[chord.line].insert(_index(lines[chord.line], chord.end), vertex)
+            if np.linalg.norm(vertex - chord.middle) > 2.0 * tolerance:
+                later += [
+                    _Chord(chord.line, chord.start, vertex, chord.slope),
+                    _Chord(chord.line, vertex, chord.end, chord.slope),
+                ]
+        todo = later
+    return lines, loose
+
+
+def _vertices(
+    chords: list[_Chord], tolerance: float
+) -> Generator[Places, list[float], tuple[list[np.ndarray], list[np.ndarray]]]:
+    """The zero across the middle of each chord: one Newton step where that is short, else bracketed and narrowed.
+
+    Where no other sign is found within half the chord's length the middle itself is returned, and is among the loose
+    places.
+    """
+    values = yield [tuple(float(x) for x in chord.middle) for chord in chords]
+    steps = [chord.step(v) if np.isfinite(v) else np.zeros(2) for chord, v in zip(chords, values)]
+    found = [np.clip(chord.middle + step, 0.0, 1.0) for chord, step in zip(chords, steps)]
+    far = [k for k, step in enumerate(steps) if np.linalg.norm(step) > 0.5 * tolerance]
+    brackets = yield from _bracketed([(chords[k], values[k], steps[k]) for k in far])
+    hits = [bracket for bracket in brackets if bracket is not None]
+    zeros = iter((yield from narrow(hits, tolerance)))
+    lost = []
+    for k, bracket in zip(far, brackets):
+        found[k] = next(zeros) if bracket is not None else chords[k].middle
+        lost += [] if bracket is not None else [chords[k].middle, np.clip(chords[k].middle + steps[k], 0.0, 1.0)]
+    return found, lost
+
+
+def _bracketed(starts: list[tuple[_Chord, float, np.ndarray]]) -> Generator[Places, list[float], list[Bracket | None]]:
+    """Brackets from the middles of chords along their steps, the steps doubled until the sign changes; None where it
+    does not.
+    """
+    brackets: list[Bracket | None] = [None] * len(starts)
+    reach = dict.fromkeys(range(len(starts)), 1.2)
+    while reach:
+        ends = {k: np.clip(starts[k][0].middle + reach[k] * starts[k][2], 0.0, 1.0) for k in reach}
+        values = yield [tuple(float(x) for x in end) for end in ends.values()]
+        for (k, end), value in zip(ends.items(), values):
+            chord, at_middle, step = starts[k]
+            if opposite(at_middle, value):
+                brackets[k] = Bracket(chord.middle, end, at_middle, value)
+                del reach[k]
+            elif reach[k] * np.linalg.norm(step) >= 0.5 * chord.length or not np.isfinite(value):
+                del reach[k]
+            else:
+                reach[k] *= 3.0
+    return brackets
+
+
+def _index(line: list[np.ndarray], point: np.ndarray) -> int:
+    return next(k for k, other in enumerate(line) if other is point)
+
+
+def _joined(lines: list[list[np.ndarray]]) -> list[np.ndarray]:
+    """Lines with common ends put together to long curves (n, 2)."""
+    pending = [list(line) for line in lines]
+    curves = []
+    while pending:
+        curve = pending.pop(0)
+        grown = True
+        while grown:
+            grown = False
+            for k, line in enumerate(pending):
+                if (joined := _join(curve, line)) is not None:
+                    curve, grown = joined, True
+                    del pending[k]
+                    break
+        curves.append(np.array(curve))
+    return curves
+
+
+def _join(one: list[np.ndarray], other: list[np.ndarray]) -> list[np.ndarray] | None:
+    def same(a, b):
+        return bool(np.all(np.abs(a - b) < 1e-12))
+
+    if same(one[-1], other[0]):
+        return one + other[1:]
+    if same(one[-1], other[-1]):
+        return one + other[-2::-1]
+    if same(one[0], other[-1]):
+        return other[:-1] + one
+    if same(one[0], other[0]):
+        return other[:0:-1] + one
+    return None
+
+
+# geometry ------------------------------------------------------------------------------------------------------------
+
+
+def _crossings(a: np.ndarray, b: np.ndarray, curve: np.ndarray) -> int:
+    """How often the segment a-b crosses a polyline (n, 2)."""
+    p, q = curve[:-1], curve[1:]
+
+    def side(u, v, w):
+        return (v[..., 0] - u[..., 0]) * (w[..., 1] - u[..., 1]) - (v[..., 1] - u[..., 1]) * (w[..., 0] - u[..., 0])
+
+    apart = (side(p, q, a) > 0) != (side(p, q, b) > 0)
+    between = (side(a, b, p) > 0) != (side(a, b, q) > 0)
+    return int(np.sum(apart & between))
+
+
+def _distance(position: np.ndarray, curve: np.ndarray) -> float:
+    """Distance of a position (2,) from a polyline (n, 2)."""
+    if len(curve) == 1:
+        return float(np.linalg.norm(position - curve[0]))
+    p, d = curve[:-1], np.diff(curve, axis=0)
+    length = np.maximum(np.sum(d * d, axis=1), 1e-300)
+    s = np.clip(np.sum((position - p) * d, axis=1) / length, 0.0, 1.0)
+    return float(np.min(np.linalg.norm(p + s[:, None] * d - position, axis=1)))

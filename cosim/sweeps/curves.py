@@ -1,0 +1,64 @@
+"""Theory curves over a traced map: largest delay or gain by each condition, from the scenario's own linearisation."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from cosim.analysis.assessment import coupling, sides
+from cosim.analysis.criteria import delay_sum, sallam_eq10
+from cosim.analysis.linearisation import channel_bounds, linearise
+from cosim.analysis.spectrum import abscissa
+from cosim.sweeps.evaluate import setup
+from cosim.sweeps.points import point
+from cosim.sweeps.pool import Task
+from cosim.sweeps.spec import Axis, Entry, Sweep
+
+SAMPLES = 33
+
+
+def theory_curves(
+    sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[str, Entry]
+) -> dict[str, list[tuple[float, float]]]:
+    """For every curve of the sweep its points (x, y): the zero of each condition along y, at even steps of x.
+
+    Works for conditions whose sign changes once along y; where it does not change, the curve has no point there.
+    """
+    if not sweep.curves:
+        return {}
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in sweep.curves}
+    for share in np.linspace(0.0, 1.0, SAMPLES):
+        at_x = x.number(float(share))
+        for name in sweep.curves:
+            fixed = {x.name: at_x} | dict(others)
+            place = _zero(lambda s, n=name, at=fixed: _margin(n, task, sweep, {y.name: y.number(s)} | at))
+            if place is not None:
+                found[name].append((at_x, y.number(place)))
+    return found
+
+
+def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, Entry]) -> float:
+    """Negative where the condition holds."""
+    place = point(sweep.axes, [entries[axis.name] for axis in sweep.axes])
+    one = setup(task, place)
+    wiring = one.wiring
+    if name in ("delay_sum", "sallam_eq10"):
+        pair, delays = sides(wiring), [bounds[2] for bounds in channel_bounds(wiring).values()]
+        if pair is None or len(delays) != 2:
+            return np.nan
+        there, back = delays
+        criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), there, back)
+        used = 0.5 * (there + back) if name == "delay_sum" else float(np.hypot(there, back)) / np.sqrt(2.0)
+        return used - criterion.max_delay
+    return abscissa(linearise(one.scenario, one.system).system())
+
+
+def _zero(function: Callable[[float], float], tolerance: float = 1e-4) -> float | None:
+    """Where a function changes sign on [0, 1], by Brent's method; None where both ends have the same sign."""
+    from scipy.optimize import brentq
+
+    low, high = function(0.0), function(1.0)
+    if not (np.isfinite(low) and np.isfinite(high)) or (low > 0) == (high > 0):
+        return None
+    found: Any = brentq(function, 0.0, 1.0, xtol=tolerance)
+    return float(found)

@@ -1,0 +1,222 @@
+"""Workers that evaluate points: this process, local processes, or a Dask cluster (`cluster`). All give results as they
+become known.
+
+An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded
+between calls in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again,
+each alone; a point that then fails gets one retry, and after that is `failed`, with the message of the last failure.
+"""
+
+import multiprocessing
+import sys
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from attrs import field, frozen
+
+from cosim.sweeps.points import Point, PointResult, failed
+
+Answer = tuple[tuple[Point, ...], tuple[PointResult, ...]]
+
+
+@frozen
+class Task:
+    """What an evaluator needs besides the points: scenario, fixed values, effects file, folder that file names start
+    from.
+    """
+
+    evaluator: str
+    scenario: str
+    set: Mapping[str, object] = field(factory=dict)
+    effects: str | None = None
+
+
+def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[PointResult]]:
+    """The evaluator "module:function"."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def attempt(task: Task, points: Sequence[Point]) -> tuple[tuple[PointResult, ...] | None, str]:
+    """Findings of an evaluator, or None with the words of what it raised."""
+    try:
+        return tuple(function(task.evaluator)(task, points)), ""
+    except Exception as error:  # noqa: BLE001 - whatever an evaluator raises is a point that failed
+        return None, f"{type(error).__name__}: {error}"
+
+
+@frozen
+class Chunk:
+    """Points handed out together, and how often they were tried alone before."""
+
+    points: tuple[Point, ...]
+    tries: int = 0
+
+    def after_failure(self, message: str) -> tuple[list["Chunk"], list[Answer]]:
+        """What to hand out again, and what is settled as failed: of several points no one knows which was to blame."""
+        if len(self.points) > 1:
+            return [Chunk((p,)) for p in self.points], []
+        if self.tries == 0:
+            return [Chunk(self.points, 1)], []
+        return [], [(self.points, (failed(message),))]
+
+
+def chunked(points: Sequence[Point], size: int) -> list[Chunk]:
+    """Points in chunks of at most `size`."""
+    return [Chunk(tuple(points[k : k + size])) for k in range(0, len(points), size)]
+
+
+class Workers(ABC):
+    """Evaluates points; a context manager. `count`: how many chunks at once."""
+
+    count = 1
+
+    @abstractmethod
+    def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
+        """Findings of all points in chunks of `size`, in the order in which they become known."""
+
+    def close(self) -> None:  # noqa: B027 - this process has none
+        """End the workers."""
+
+    def __enter__(self) -> "Workers":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+
+class Here(Workers):
+    """This process: for evaluators that need no protection (theory only), and for tests."""
+
+    def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
+        todo = deque(chunked(points, size))
+        while todo:
+            chunk = todo.popleft()
+            findings, message = attempt(task, chunk.points)
+            if findings is not None:
+                yield chunk.points, findings
+                continue
+            again, settled = chunk.after_failure(message)
+            todo.extendleft(reversed(again))
+            yield from settled
+
+
+class LocalPool(Workers):
+    """`count` worker processes; one that dies is replaced.
+
+    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned,
+    because by then this process may have threads, which do not survive a fork. The threads of numpy's BLAS would
+    compete with the workers for the cores: set OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim`
+    does.
+    """
+
+    def __init__(self, count: int) -> None:
+        first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+        self.count = max(1, count)
+        self.workers = [_Worker(first) for _ in range(self.count)]
+
+    def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
+        share = -(-len(points) // self.count)
+        todo = deque(chunked(points, min(size, max(1, share))))
+        while todo or any(worker.chunk for worker in self.workers):
+            for worker in self.workers:
+                if worker.chunk is None and todo:
+                    worker.give(task, todo.popleft())
+            for worker in _heard(self.workers):
+                chunk, findings, message = worker.take()
+                again, settled = (
+                    ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
+                )
+                todo.extend(again)
+                if todo:  # before the answer is looked at: the worker need not wait for that
+                    worker.give(task, todo.popleft())
+                yield from settled
+
+    def close(self) -> None:
+        for worker in self.workers:
+            worker.stop()
+
+
+def _heard(workers: Sequence["_Worker"]) -> list["_Worker"]:
+    """Busy workers that have answered or died."""
+    busy: dict[object, _Worker] = {
+        handle: worker for worker in workers if worker.chunk for handle in (worker.pipe, worker.process.sentinel)
+    }
+    handles: list[Any] = list(busy)
+    return list(dict.fromkeys(busy[handle] for handle in wait(handles)))
+
+
+class _Worker:
+    """One process with a pipe, and the chunk it is busy with."""
+
+    def __init__(self, context: Any) -> None:
+        self.chunk: Chunk | None = None
+        self._start(context)
+
+    def _start(self, context: Any) -> None:  # of forked or of spawned processes, whose types have nothing in common
+        self.pipe, far = context.Pipe()
+        self.process: BaseProcess = context.Process(target=_serve, args=(far,), daemon=True)
+        self.process.start()
+        far.close()
+
+    def give(self, task: Task, chunk: Chunk) -> None:
+        """Hand out a chunk; a worker that died while idle is replaced first."""
+        self.chunk = chunk
+        try:
+            self.pipe.send((task, chunk.points))
+        except (BrokenPipeError, OSError):
+            self._restart()
+            self.pipe.send((task, chunk.points))
+
+    def take(self) -> tuple[Chunk, tuple[PointResult, ...] | None, str]:
+        """Its chunk with the findings, or with a message where it raised or died."""
+        chunk, self.chunk = self.chunk, None
+        assert chunk is not None  # only a busy worker is asked
+        try:
+            findings, message = self.pipe.recv()
+            return chunk, findings, message
+        except (EOFError, OSError):
+            self.process.join()
+            code = self.process.exitcode
+            self._restart()
+            return chunk, None, f"the worker process died ({_cause(code)})"
+
+    def _restart(self) -> None:
+        self.stop()
+        self._start(multiprocessing.get_context("spawn"))
+
+    def stop(self) -> None:
+        """End the process."""
+        self.pipe.close()
+        self.process.terminate()
+        self.process.join()
+
+
+def _cause(code: int | None) -> str:
+    import signal
+
+    if code is not None and code < 0:
+        return signal.Signals(-code).name
+    return f"exit code {code}"
+
+
+def _serve(pipe: Connection) -> None:
+    """The loop of a worker process. It ignores Ctrl-C, which its parent handles, and ends when its parent does.
+
+    The closing of the pipe would not tell it so: other forked workers hold the parent's end open too.
+    """
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # this is a worker process
+    try:
+        while parent.sentinel not in wait([pipe, parent.sentinel]):
+            task, points = pipe.recv()
+            pipe.send(attempt(task, points))
+    except (EOFError, OSError):
+        return

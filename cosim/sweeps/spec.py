@@ -1,0 +1,333 @@
+"""A sweep: a scenario, axes over its parameters, how to choose points. Read from TOML, everything wrong reported at
+once.
+
+format = 1
+title = "..."            description = "..."
+scenario = "sallam-nodelay"
+evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation), "module:function"
+[set]                             # fixed values, paths as in --set
+"experiment.stop" = 40.0
+[[axes]]
+name = "delay"; unit = "s"; paths = ["channel_*.delay_mean"]; low = 0.1; high = 0.8; count = 9; scale = "linear"
+[[axes]]                          # or values = [..], or choices:
+name = "set"
+choices = [{ label = "UR", set = { "arm_*.parameter_set" = "UR" } }]      # also: scenario = "sallam-joint"
+[grid]                            # exactly one of grid, random, boundary, level_set, monte_carlo
+[boundary]
+trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enumerated
+"""
+
+import tomllib
+from collections.abc import Mapping
+from enum import Enum
+from math import prod
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from attrs import AttrsInstance, field, fields, frozen
+
+from cosim.errors import InputError, Problem, did_you_mean
+
+Record = TypeVar("Record", bound=AttrsInstance)
+FORMAT = 1
+SCENARIO = "scenario"
+"""The path under which a choice names its scenario."""
+
+
+class Scale(Enum):
+    """How a numeric axis is divided."""
+
+    LINEAR = "linear"
+    LOG = "log"
+
+
+@frozen
+class Choice:
+    """One entry of an axis of choices: a label, the values it sets, and the scenario where it is another than the
+    sweep's.
+    """
+
+    label: str
+    set: Mapping[str, object] = field(factory=dict)
+    scenario: str = ""
+
+
+Entry = float | Choice
+"""What an axis gives to a point: a number, or one of its choices."""
+
+
+@frozen
+class Axis:
+    """One axis: a number given to all of `paths`, between `low` and `high`, or a list of choices."""
+
+    name: str
+    unit: str = ""
+    paths: tuple[str, ...] = ()
+    low: float = 0.0
+    high: float = 1.0
+    count: int = 9
+    scale: Scale = Scale.LINEAR
+    values: tuple[float, ...] = ()
+    choices: tuple[Choice, ...] = ()
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the axis takes numbers."""
+        return not self.choices
+
+    def number(self, share: float) -> float:
+        """The value at a share of the axis in [0, 1]; the ends are exact."""
+        if share <= 0.0 or share >= 1.0:
+            return self.low if share <= 0.0 else self.high
+        if self.scale is Scale.LOG:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
+    def share(self, value: float) -> float:
+        """The inverse of `number`."""
+        if self.scale is Scale.LOG:
+            return float(np.log(value / self.low) / np.log(self.high / self.low))
+        return float((value - self.low) / (self.high - self.low))
+
+    def steps(self) -> list[Entry]:
+        """The entries of a grid: values, choices, or `count` even numbers."""
+        if self.choices:
+            return list(self.choices)
+        if self.values:
+            return [float(v) for v in self.values]
+        return [self.number(k / (self.count - 1)) for k in range(self.count)] if self.count > 1 else [self.low]
+
+    @property
+    def entries(self) -> int:
+        """How many entries a grid has along the axis."""
+        return len(self.choices or self.values) or self.count
+
+    def random(self, rng: np.random.Generator) -> Entry:
+        """A uniform random entry (in the axis's scale)."""
+        if self.choices or self.values:
+            entries = self.steps()
+            return entries[int(rng.integers(len(entries)))]
+        return self.number(float(rng.uniform()))
+
+    def settings(self, entry: Entry) -> dict[str, object]:
+        """Values at paths for an entry."""
+        if not isinstance(entry, Choice):
+            return dict.fromkeys(self.paths, entry)
+        return dict(entry.set) | ({SCENARIO: entry.scenario} if entry.scenario else {})
+
+
+@frozen
+class Grid:
+    """Every combination of the entries of all axes."""
+
+
+@frozen
+class Random:
+    """`count` independent uniform points."""
+
+    count: int
+    seed: int = 0
+
+
+@frozen
+class MonteCarlo:
+    """As Random, and the share of stable points with its interval of confidence `level`, in all and for every
+    choice.
+    """
+
+    count: int
+    seed: int = 0
+    level: float = 0.95
+
+
+@frozen
+class BoundaryDesign:
+    """Trace the boundary over one or two numeric axes, for every combination of the others; then audit (two axes
+    only).
+    """
+
+    trace: tuple[str, ...]
+    tolerance: float = 0.002
+    cells: int = 8
+    seed: int = 0
+    audit: int = 60
+    audit_rounds: int = 4
+    level: float = 0.95
+
+
+@frozen
+class LevelSet:
+    """Active learning of the boundary over two numeric axes with at most `count` runs (where one run is expensive)."""
+
+    trace: tuple[str, ...]
+    count: int = 60
+    start: int = 16
+    batch: int = 4
+    seed: int = 0
+
+
+Design = Grid | Random | MonteCarlo | BoundaryDesign | LevelSet
+_DESIGNS: dict[str, type[Design]] = {
+    "grid": Grid,
+    "random": Random,
+    "monte_carlo": MonteCarlo,
+    "boundary": BoundaryDesign,
+    "level_set": LevelSet,
+}
+_MOST_POINTS = 1_000_000
+CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
+
+
+@frozen
+class Sweep:
+    """A sweep, described. `curves` names theory curves to draw over a map (see cosim.sweeps.curves)."""
+
+    name: str
+    scenario: str
+    axes: tuple[Axis, ...]
+    design: Design
+    title: str = ""
+    description: str = ""
+    evaluator: str = "simulation"
+    set: Mapping[str, object] = field(factory=dict)
+    curves: tuple[str, ...] = ()
+    effects: str | None = None
+    folder: Path = field(default=Path(), eq=False)
+
+    def axis(self, name: str) -> Axis:
+        """The axis of that name."""
+        return next(axis for axis in self.axes if axis.name == name)
+
+    @property
+    def traced(self) -> tuple[Axis, ...]:
+        """Axes that a boundary is traced over, in the order of `trace`; empty for other designs."""
+        return tuple(self.axis(name) for name in getattr(self.design, "trace", ()))
+
+    @property
+    def enumerated(self) -> tuple[Axis, ...]:
+        """Axes that are not traced."""
+        return tuple(axis for axis in self.axes if axis not in self.traced)
+
+
+def load_sweep(name_or_path: str) -> Sweep:
+    """A shipped sweep by name or a TOML file by path. Raises InputError with every problem found."""
+    path = _find(name_or_path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(Problem(str(path), "TOML", str(error))) from None
+    return parse_sweep(table, path)
+
+
+def _find(name_or_path: str) -> Path:
+    from cosim.scenario import shipped
+
+    path = Path(name_or_path)
+    if path.is_file():
+        return path.resolve()
+    known = {entry.stem: entry for entry in shipped("sweeps")}
+    if name_or_path in known:
+        return known[name_or_path]
+    advice = did_you_mean(name_or_path, known) or "`cosim list` names them"
+    raise InputError(Problem("sweep", "a shipped sweep or a path to a TOML file", repr(name_or_path), advice))
+
+
+def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
+    """The sweep of a TOML table. Raises InputError with every problem found."""
+    problems: list[Problem] = []
+    known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder")] + [*_DESIGNS, "format"]
+    problems += [
+        Problem(f"{path.name}: {key}", "a known key", "an unknown one", did_you_mean(key, known))
+        for key in table
+        if key not in known
+    ]
+    if table.get("format", FORMAT) != FORMAT:
+        problems.append(Problem(f"{path.name}: format", str(FORMAT), repr(table["format"])))
+    given = [name for name in _DESIGNS if name in table]
+    if len(given) != 1:
+        problems.append(Problem(path.name, f"one of [{'], ['.join(_DESIGNS)}]", " and ".join(given) or "none"))
+    body = {key: value for key, value in table.items() if key in known and key not in (*_DESIGNS, "format", "axes")}
+    axes = [
+        _structured(Axis, entry, f"{path.name}: axes[{n}]", problems)
+        for n, entry in enumerate(table.get("axes", []), 1)
+    ]
+    design: Design | None = (
+        _structured(_DESIGNS[given[0]], table[given[0]], f"{path.name}: {given[0]}", problems)
+        if len(given) == 1
+        else None
+    )
+    axes = [axis for axis in axes if axis is not None]
+    problems += _axis_problems(axes, path.name)
+    if not problems and design is not None:
+        problems += _design_problems(design, axes, path.name)
+    if "scenario" not in body:
+        problems.append(Problem(f"{path.name}: scenario", "the name of a scenario", "nothing"))
+    if unknown := [c for c in body.get("curves", ()) if c not in CURVES]:
+        problems.append(Problem(f"{path.name}: curves", f"some of {', '.join(CURVES)}", ", ".join(map(repr, unknown))))
+    if problems or design is None:
+        raise InputError(problems)
+    body["curves"] = tuple(body.get("curves", ()))
+    return Sweep(name=str(body.pop("name", path.stem)), axes=tuple(axes), design=design, folder=path.parent, **body)
+
+
+def _structured(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
+    from cattrs import Converter, transform_error
+    from cattrs.errors import BaseValidationError
+
+    names = [entry.name for entry in fields(kind)]
+    if not isinstance(table, dict):
+        problems.append(Problem(where, "a table", type(table).__name__))
+        return None
+    unknown = [key for key in table if key not in names]
+    problems += [
+        Problem(f"{where}.{key}", "a known key", "an unknown one", did_you_mean(key, names)) for key in unknown
+    ]
+    converter = Converter()
+    converter.register_structure_hook_func(lambda t: t == Mapping[str, object], lambda value, _: dict(value))
+    try:
+        return converter.structure({key: value for key, value in table.items() if key in names}, kind)
+    except BaseValidationError as error:
+        problems += [Problem(where, "fitting values", text) for text in transform_error(error)]
+    return None
+
+
+def _axis_problems(axes: list[Axis], where: str) -> list[Problem]:
+    problems = [] if axes else [Problem(f"{where}: axes", "at least one [[axes]]", "none")]
+    names = [axis.name for axis in axes]
+    problems += [
+        Problem(f"{where}: axes", "different names", f"{n!r} twice") for n in dict.fromkeys(names) if names.count(n) > 1
+    ]
+    for axis in axes:
+        place = f"{where}: axis {axis.name}"
+        if axis.numeric and not axis.paths:
+            problems.append(Problem(place, "paths or choices", "neither"))
+        if axis.numeric and not axis.values and not axis.low < axis.high:
+            problems.append(Problem(place, "low < high", f"{axis.low} and {axis.high}"))
+        if axis.scale is Scale.LOG and axis.low <= 0.0:
+            problems.append(Problem(f"{place}.low", "a positive number on a log scale", str(axis.low)))
+        if axis.count < 1:
+            problems.append(Problem(f"{place}.count", "1 or more", str(axis.count)))
+    return problems
+
+
+def _design_problems(design: Design, axes: list[Axis], where: str) -> list[Problem]:
+    numeric = [axis.name for axis in axes if axis.numeric and not axis.values]
+    if not isinstance(design, (BoundaryDesign, LevelSet)):
+        count = getattr(design, "count", prod(axis.entries for axis in axes))
+        return (
+            [Problem(f"{where}: points", f"at most {_MOST_POINTS}", str(count), "lower a count")]
+            if count > _MOST_POINTS
+            else []
+        )
+    problems = [
+        Problem(f"{where}: trace", "numeric axes with low and high", repr(name), did_you_mean(name, numeric))
+        for name in design.trace
+        if name not in numeric
+    ]
+    wanted = (1, 2) if isinstance(design, BoundaryDesign) else (2,)
+    if len(design.trace) not in wanted or len(set(design.trace)) != len(design.trace):
+        problems.append(
+            Problem(f"{where}: trace", f"{' or '.join(map(str, wanted))} different axes", repr(list(design.trace)))
+        )
+    return problems

@@ -1,0 +1,251 @@
+"""The batch kernel against co-simulation of the FMUs, lane by lane; when it does not apply; every width of its
+lanes.
+"""
+
+import ctypes
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from build_fmus.library import library_path
+from build_fmus.sources import source_root
+from cosim.engine.master import run
+from cosim.engine.outcome import Outcome
+from cosim.fmu import open_system
+from cosim.scenario import load_scenario, with_parameters
+from cosim.sweeps import kernel
+from cosim.sweeps.evaluate import drawn
+from cosim.sweeps.points import Point
+
+RECORD = ["arm_l.q", "arm_l.dq", "arm_r.x", "controller_r.f", "channel_lr.y"]
+RELATIVE = 1e-12
+"""The issue's bound; the kernel does the same arithmetic in the same order, so its bits are the FMUs'."""
+
+
+def settings(name, stop, *values):
+    """Scenarios that differ in the given values, with their system."""
+    base = with_parameters(load_scenario(name), {"experiment.stop": stop, "experiment.record_every": 1})
+    return [with_parameters(base, one) for one in values]
+
+
+def worst(one, other):
+    """Largest difference relative to the largest value of its signal."""
+    return max(
+        np.abs(values - other.signals[name]).max() / max(np.abs(other.signals[name]).max(), 1e-300)
+        for name, values in one.signals.items()
+    )
+
+
+def check(scenarios, record=RECORD):
+    with open_system(scenarios[0]) as system:
+        wirings = [system.wiring(scenario) for scenario in scenarios]
+        assert [kernel.refusal(wiring, record) for wiring in wirings] == [None] * len(wirings)
+        found = kernel.run_batch(wirings, record)
+        for scenario, result in zip(scenarios, found):
+            expected = run(scenario, system, record=record)
+            assert (result.outcome, result.stopped_at) == (expected.outcome, expected.stopped_at)
+            assert result.time.tobytes() == expected.time.tobytes()
+            assert worst(result, expected) <= RELATIVE
+    return found
+
+
+@pytest.mark.parametrize("name", ["sallam-nodelay", "sallam-stable", "sallam-unstable"])
+@pytest.mark.parametrize(("algorithm", "extrapolation"), [("gauss-seidel", "linear"), ("jacobi", "hold")])
+def test_agrees_with_the_fmus(name, algorithm, extrapolation):
+    fixed = {"experiment.algorithm": algorithm, "experiment.extrapolation": extrapolation}
+    check(settings(name, 3.0, *(fixed | {"controller_*.stiffness": k} for k in (0.1, 0.4, 0.9))))
+
+
+def test_agrees_over_20_s():
+    check(settings("sallam-stable", 20.0, {}, {"channel_*.seed": 7}, {"arm_r.parameter_set": "GCW"}))
+
+
+def test_agrees_with_friction_and_gravity():
+    common = {"arm_*.gravity_compensation": False, "arm_*.internal_steps": 4}
+    check(
+        settings(
+            "sallam-stable",
+            1.0,
+            common | {"arm_*.viscous": 0.002},
+            common | {"arm_*.coulomb": 0.01, "arm_*.coulomb_velocity": 0.05, "arm_r.mounting": "upside_down"},
+        )
+    )
+
+
+def test_every_law_of_delay_and_both_interpolations():
+    laws = ["constant", "sinusoidal", "uniform", "random_walk", "sawtooth", "square"]
+    common = {"channel_*.delay_min": 0.01, "channel_*.delay_max": 0.08, "channel_*.delay_mean": 0.05}
+    check(
+        settings(
+            "sallam-stable",
+            1.0,
+            *(
+                common | {"channel_*.law": law, "channel_*.interpolation": kind}
+                for law in laws
+                for kind in ("linear", "hold")
+            ),
+        )
+    )
+
+
+def test_lanes_that_end_early_end_alone():
+    """Two lanes leave their domain, one at once and one late, the others run on."""
+    base = {"arm_*.workspace_limits": True}
+    found = check(
+        settings("sallam-nodelay", 2.0, base, base | {"arm_l.dq_start[1]": 9.0}, base | {"arm_r.dq_start[2]": 9.0}, {})
+    )
+    assert [r.outcome is Outcome.BOUNDED for r in found] == [True, False, False, True]
+    assert found[1].outcome is Outcome.DOMAIN_EXIT and 0 < found[1].stopped_at < 2.0
+    assert found[1].message.endswith(f"t = {found[1].stopped_at:.9g} s")
+
+
+@pytest.mark.parametrize("more", [0, 1, 3])
+def test_any_number_of_scenarios_and_workers(more):
+    """Batches that do not fill the lanes, or overfill them; two threads give what one gives."""
+    count = kernel.lanes() + more if more < 3 else 3
+    scenarios = settings("sallam-stable", 0.2, *({"controller_*.stiffness": 0.1 + 0.01 * i} for i in range(count)))
+    with open_system(scenarios[0]) as system:
+        wirings = [system.wiring(scenario) for scenario in scenarios]
+        one, two = kernel.run_batch(wirings, RECORD), kernel.run_batch(wirings, RECORD, workers=2)
+    assert [r.scenario for r in one] == scenarios
+    for a, b in zip(one, two, strict=True):
+        assert all(a.signals[name].tobytes() == b.signals[name].tobytes() for name in a.signals)
+    last = run(scenarios[-1], record=RECORD)
+    assert worst(one[-1], last) <= RELATIVE
+
+
+WIDTHS = [(), ("-DREAL_LANES=2",), ("-DREAL_LANES=4",), ("-DREAL_LANES=8",), ("-DREAL_LANES=16",)]
+
+
+@pytest.mark.parametrize("flags", WIDTHS, ids=lambda flags: "".join(flags) or "one lane")
+def test_bits_do_not_depend_on_the_width_of_the_lanes(flags, monkeypatch):
+    """Other processors get other numbers of lanes (AVX2, SSE2, NEON); the compiler splits them, the arithmetic
+    stays.
+    """
+    scenarios = settings("sallam-stable", 0.5, {}, {"controller_*.stiffness": 0.5}, {"arm_*.coulomb": 0.01})
+    with open_system(scenarios[0]) as system:
+        wirings = [system.wiring(scenario) for scenario in scenarios]
+        usual = kernel.run_batch(wirings, RECORD)
+        library = ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *flags))))
+        monkeypatch.setattr(kernel, "_library", lambda: kernel.prepared(library))
+        assert kernel.lanes() == int(flags[0].split("=")[1]) if flags else 1
+        for a, b in zip(usual, kernel.run_batch(wirings, RECORD), strict=True):
+            assert all(a.signals[name].tobytes() == b.signals[name].tobytes() for name in a.signals)
+
+
+REFUSED = {
+    "experiment.bound is 0.5, and the kernel watches what it computes only": {"experiment.bound": 0.5},
+    "arm_l: its stribeck[1] is 0.01": {"arm_l.stribeck[1]": 0.01, "arm_l.stribeck_velocity": 0.1},
+    "channel_lr: its semantics is not that of a plain time delay": {"channel_lr.semantics": "newest_packet"},
+    "channel_rl: its loss_good is not that of a plain time delay": {"channel_rl.loss_good": 0.1},
+    "controller_l: it has a step multiple": {"controller_l.step_multiple": 2},
+    "operator: it has a step multiple": {"operator.step_multiple": 2},
+    "channel_lr: its delay of up to 8.1 s does not fit the kernel's buffer": {
+        "channel_*.law": "constant",
+        "channel_lr.delay_mean": 8.1,
+    },
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_refusals_in_words(words):
+    scenario = with_parameters(load_scenario("sallam-stable"), REFUSED[words])
+    with open_system(scenario) as system:
+        assert kernel.refusal(system.wiring(scenario), RECORD) == words
+
+
+def test_leaves_long_runs_to_the_executor_whose_table_may_lie_on_disk():
+    scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 1e7})
+    with open_system(scenario) as system:
+        assert "GB of memory" in kernel.refusal(system.wiring(scenario), RECORD)
+
+
+def test_refuses_loops_that_it_does_not_compute():
+    with open_system(load_scenario("contact")) as system:
+        assert "feels what is wired into it" in kernel.refusal(system.wiring(load_scenario("contact")), [])
+    with open_system(load_scenario("sallam-stable")) as system:
+        wiring = system.wiring(load_scenario("sallam-stable"))
+        assert kernel.refusal(wiring, ["channel_lr.age"]) == (
+            "channel_lr.age is to be recorded, which the kernel does not compute"
+        )
+
+
+def test_a_share_of_points_is_replayed():
+    """One in two hundred, by the hash of the point: 10,000 points give 50 +- 7 (one sigma of a binomial); four are
+    left.
+    """
+    count = sum(drawn(Point((float(i),), (("a.b", float(i)),))) for i in range(10_000))
+    assert 22 < count < 78
+
+
+SANITIZED = [
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+    "-O1",
+    "-g",
+    "-Wall",
+    "-Wextra",
+    "-ffp-contract=off",
+]
+
+
+@pytest.mark.needs("gcc")
+@pytest.mark.parametrize("name", ["executor", "kernel"])
+def test_clean_under_sanitizers(name, tmp_path):
+    """A run in a process of its own whose executor, or kernel, is compiled with address and undefined-behaviour
+    checks.
+    """
+    root, library = source_root(), tmp_path / f"{name}.so"
+    lanes = ("-DREAL_LANES=4", "-Wno-psabi") if name == "kernel" else ()
+    sources = ["-I", str(root / "shared"), "-I", str(root / name), str(root / name / f"{name}.c"), "-lm"]
+    subprocess.run(
+        ["gcc", "-std=c11", "-shared", "-fPIC", *SANITIZED, *lanes, "-o", str(library), *sources], check=True
+    )
+    runtime = subprocess.run(["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True).stdout
+    environment = os.environ | {
+        "LD_PRELOAD": runtime.strip(),
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "SANITIZED": str(library),
+    }
+    found = subprocess.run([sys.executable, "-c", SANITIZED_RUN[name]], env=environment, capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr[-3000:]
+    assert "done" in found.stdout
+
+
+_SETUP = """
+import ctypes, os
+from cosim.engine import compiled
+from cosim.fmu import open_system
+from cosim.engine.master import run
+from cosim.scenario import load_scenario, with_parameters
+from cosim.sweeps import kernel
+library = ctypes.CDLL(os.environ["SANITIZED"])
+scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 0.2, "experiment.record_every": 1})
+"""
+SANITIZED_RUN = {
+    "executor": _SETUP
+    + """
+compiled._library = lambda: compiled.prepared(library)
+for fmi in (2, 3):
+    one = with_parameters(scenario, {"experiment.fmi": fmi})
+    with open_system(one) as system:
+        for key, value in (("step", 0.001), ("algorithm", "jacobi"), ("record_every", 7), ("bound", 0.3)):
+            values = {f"experiment.{key}": value}
+            run(with_parameters(one, values), system)
+            run(with_parameters(one, values), system, record=["arm_l.q"])
+print("done")
+""",
+    "kernel": _SETUP
+    + """
+kernel._library = lambda: kernel.prepared(library)
+with open_system(scenario) as system:
+    values = [{"controller_*.stiffness": 0.1 * k, "arm_*.coulomb": 0.01 * (k % 2), "arm_l.q_start[1]": 0.01 * k}
+              for k in range(1, 7)]
+    wirings = [system.wiring(with_parameters(scenario, some)) for some in values]
+    kernel.run_batch(wirings, ["arm_l.q", "operator.f", "channel_lr.y"], workers=2)
+print("done")
+""",
+}

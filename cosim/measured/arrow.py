@@ -20,7 +20,13 @@ def arrow_values(column) -> np.ndarray:
         return np.full(len(column), np.nan)
     if types.is_dictionary(kind):
         return arrow_values(column.cast(kind.value_type))
-    return np.array(["" if value is None else str(value) for value in column.to_pylist()])
+    return np.array([_word(value) for value in column.to_pylist()])
+
+
+def _word(value) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return "" if value is None else str(value)
 
 
 def _whole(column) -> np.ndarray:

@@ -170,19 +170,28 @@ def _filled_width(rows) -> int:
 
 
 def _header(reading: _Reading, lines: list[str], block: list[int]) -> int:
-    """The line of names: the nearest above the data whose count fits, without numbers; no other text lies between."""
-    needed = _filled_width([reading.rows[k] for k in block])
+    """The line of names: the nearest above the data whose count fits, without numbers; no other text lies between.
+
+    A row of units is one only below a line of names; alone it is the names.
+    """
+    least, alone = _filled_width([reading.rows[k] for k in block]), -1
     for k in range(reading.first - 1, -1, -1):
         names = _names(lines[k], reading.separator)
         if not any(names) or _is_ruler(names):
             continue
-        fits = needed <= _filled_width([names]) <= reading.width or needed <= len(names) <= reading.width
-        numbers = any(is_number(name, reading.decimal) for name in names)
-        if fits and not numbers and not _is_units(names):
+        fits = least <= _filled_width([names]) <= reading.width or least <= len(names) <= reading.width
+        fits = fits and not any(_is_value(name, reading.decimal) for name in names)
+        if fits and not _is_units(names):
             return k
-        if not (fits and _is_units(names)) and not lines[k].lstrip().startswith(COMMENT):
-            return -1
-    return -1
+        if not fits and not lines[k].lstrip().startswith(COMMENT):
+            return alone
+        alone = k if fits and alone < 0 else alone
+    return alone
+
+
+def _is_value(name: str, decimal: str) -> bool:
+    """Whether a cell of a header is a number or a date, so that its line holds no names."""
+    return is_number(name, decimal) or bool(re.fullmatch(r"[\d:.,/-]*\d[\d:.,/-]*", name))
 
 
 def _names(line: str, separator: str) -> tuple[str, ...]:

@@ -91,9 +91,9 @@ def _broken(path: Path, layout: TextLayout, text: str) -> Problem:
 
 
 def _csv(path: Path, layout: TextLayout, types: list[str], bad: list):
-    from pyarrow import csv, float64, int64, string, timestamp
+    from pyarrow import binary, csv, float64, int64, timestamp
 
-    arrow = {"number": float64(), "whole": int64(), "text": string()}
+    arrow = {"number": float64(), "whole": int64(), "text": binary()}
     arrow |= {"date": timestamp("ns"), "date with zone": timestamp("ns", "UTC")}
     names = [str(k) for k in range(len(types))]
 
@@ -195,7 +195,9 @@ def _tabs(text: str, separator: str) -> bytes:
     data = text.encode("utf-8")
     if separator != " " or not data:
         return data
-    data = re.sub(rb"[ \t]+", b"\t", data)
+    data = data.replace(b" ", b"\t")
+    while b"\t\t" in data:
+        data = data.replace(b"\t\t", b"\t")
     data = data.removeprefix(b"\t").replace(b"\n\t", b"\n")
     return data.replace(b"\t\r", b"\r").replace(b"\t\n", b"\n").removesuffix(b"\t")
 

@@ -9,7 +9,7 @@ from cosim.errors import InputError, Problem
 from cosim.measured import content, units
 from cosim.measured.alignment import aligned
 from cosim.measured.description import RecordingDescription
-from cosim.measured.stamps import StampUnit, origin, seconds, typical_step
+from cosim.measured.stamps import StampUnit, check_step, origin, seconds, typical_step
 from cosim.measured.table import RawTable
 
 Note = Callable[[str], None]
@@ -68,6 +68,7 @@ def needed(table: RawTable, description: RecordingDescription, note: Note) -> di
     wanted = {name: name for name in (*names.labels(), *names.numeric()) if name != names.time} | {names.time: time}
     unit = StampUnit(_first(description.units.get("time")), scale=_first(description.scale.get("time"), 1.0))
     found = columns(table, wanted, names.time, unit, note)
+    check_step(found[names.time], table.columns[table.find(time)], f"{table.path.name}: {time}")
     for name in names.labels():
         found[name] = found[name].astype(str)
     problems: list[Problem] = []
@@ -83,6 +84,8 @@ def needed(table: RawTable, description: RecordingDescription, note: Note) -> di
 def signals(path: Path, time: str, names: Sequence[str], note: Note) -> tuple[np.ndarray, np.ndarray]:
     """Time (n,) [s] and the named columns (n, k) of a file, as a scenario plays them. Raises InputError."""
     table = read_table(path)
+    for told in table.warnings:
+        note(told)
     found = columns(table, {name: name for name in (time, *names)}, time, StampUnit(), note)
     problems: list[Problem] = []
     numbers = [_numbers(table, name, found[name], problems) for name in names]

@@ -56,7 +56,6 @@ def seconds(stamps: np.ndarray, unit: StampUnit, where: str, note: Note, start=N
     if start:
         note(f"{where}: {_since_1970(start, name)}: counted from the first")
     result = result if unit.scale == 1 else result * unit.scale
-    _check_step(result, elapsed, where)
     return np.asarray(result, float)
 
 
@@ -125,18 +124,17 @@ def _from_text(text: str):
 
 
 def _guessed(stamps: np.ndarray, where: str, note: Note) -> str:
-    """The unit of a column that no one names: seconds where they fit, else that of stamps since 1970."""
+    """The unit of a column that no one names: that of stamps since 1970 where only one fits, else seconds."""
     step = typical_step(_elapsed(stamps, origin(stamps)))
-    fits = _fitting(step)
     if FASTEST <= step <= SLOWEST or not step:
         return "s"
     first = abs(float(origin(stamps)))
-    epochs = [unit for unit in fits if EPOCH[0] <= first / PER_SECOND[unit] <= EPOCH[1]]
-    if len(epochs) == 1:
-        rate = PER_SECOND[epochs[0]] / step
-        note(f"{where}: no unit given; read as {epochs[0]} since 1970 (steps of {step:.6g} are then {rate:.6g} Hz)")
-        return epochs[0]
-    raise InputError(_unit_problem(step, step, where))
+    epochs = [unit for unit in _fitting(step) if EPOCH[0] <= first / PER_SECOND[unit] <= EPOCH[1]]
+    if len(epochs) != 1:
+        return "s"
+    rate = PER_SECOND[epochs[0]] / step
+    note(f"{where}: no unit given; read as {epochs[0]} since 1970 (steps of {step:.6g} are then {rate:.6g} Hz)")
+    return epochs[0]
 
 
 def _fitting(step: float) -> list[str]:
@@ -156,13 +154,15 @@ def _unit_problem(step: float, count: float, where: str) -> Problem:
     return Problem(where, f"seconds, {slow}", f"a step of {step:.4g} s", advice)
 
 
-def _check_step(result: np.ndarray, counts: np.ndarray, where: str) -> None:
-    step = typical_step(result)
+def check_step(time: np.ndarray, stamps: np.ndarray, where: str) -> None:
+    """Time [s] has the step of a recording and one unit throughout. Raises InputError with the unit that fits."""
+    step = typical_step(time)
     if step and not FASTEST <= step <= SLOWEST:
-        raise InputError(_unit_problem(step, typical_step(counts), where))
-    gaps = np.diff(np.sort(result[np.isfinite(result)])) > 1000 * step
+        counts = typical_step(_elapsed(stamps, origin(stamps))) if stamps.dtype.kind in "fiu" else step
+        raise InputError(_unit_problem(step, counts, where))
+    gaps = np.diff(np.sort(time[np.isfinite(time)])) > 1000 * step
     if len(gaps) and gaps.mean() > SCATTERED:
-        got = f"{int(gaps.sum())} of {len(result)} rows more than 1000 steps from the next (a step is {step:.4g} s)"
+        got = f"{int(gaps.sum())} of {len(time)} rows more than 1000 steps from the next (a step is {step:.4g} s)"
         advice = "is it the time column, in one unit throughout?"
         raise InputError(Problem(where, "stamps of one recording", got, advice))
 

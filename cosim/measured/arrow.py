@@ -33,10 +33,7 @@ def _whole(column) -> np.ndarray:
     """Integers as they are; with nulls as floats, long ones where the digits need it."""
     if not column.null_count:
         return column.to_numpy()
-    import pyarrow.compute as pc
-
-    empty = pc.is_null(column).to_numpy()
-    filled = pc.fill_null(column, 0).to_numpy()
+    empty, filled = column.is_null().to_numpy(), column.fill_null(0).to_numpy()
     values = filled.astype(np.longdouble if np.abs(filled.astype(float)).max() > EXACT else float)
     values[empty] = np.nan
     return values
@@ -44,13 +41,12 @@ def _whole(column) -> np.ndarray:
 
 def _dates(column) -> np.ndarray:
     """datetime64 or timedelta64 in the resolution of the file."""
-    import pyarrow.compute as pc
     from pyarrow import int64, types
 
     kind = column.type
     unit = ("D" if types.is_date32(kind) else "ms") if types.is_date(kind) else kind.unit
     whole = column.cast(f"int{kind.bit_width}").cast(int64())
-    values = pc.fill_null(whole, 0).to_numpy().copy()
-    values[pc.is_null(column).to_numpy()] = np.iinfo(np.int64).min
+    values = whole.fill_null(0).to_numpy().copy()
+    values[column.is_null().to_numpy()] = np.iinfo(np.int64).min
     letter = "M" if types.is_timestamp(kind) or types.is_date(kind) else "m"
     return values.view(f"{letter}8[{unit}]")

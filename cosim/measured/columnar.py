@@ -50,10 +50,12 @@ class _Parquet:
 
     def beginning(self, k: int):
         """The first rows of column k."""
+        from pyarrow import Table
         from pyarrow.parquet import ParquetFile
 
         with ParquetFile(self._path) as file:
-            return self._picked(next(file.iter_batches(64, columns=[self.schema.names[k]])), k)
+            batch = next(file.iter_batches(64, columns=[self.schema.names[k]]))
+            return self._picked(Table.from_batches([batch]), k)
 
     def _picked(self, table, k: int):
         same = self.schema.names[:k].count(self.schema.names[k])
@@ -107,13 +109,11 @@ class _Column:
         self.all = lambda: source.column(k)
         self.beginning = lambda: source.beginning(k)
 
-    def field(self, name: str) -> "_Column":
-        """The same for a field of a struct."""
-        import pyarrow.compute as pc
-
+    def field(self, k: int) -> "_Column":
+        """The same for field k of a struct."""
         inner = _Column.__new__(_Column)
-        inner.all = lambda: pc.struct_field(self.all(), name)
-        inner.beginning = lambda: pc.struct_field(self.beginning(), name)
+        inner.all = lambda: self.all().flatten()[k]
+        inner.beginning = lambda: self.beginning().flatten()[k]
         return inner
 
 
@@ -127,8 +127,8 @@ def _flat(path: Path, name: str, kind, column: _Column) -> Iterator[tuple[str, C
     from pyarrow import types
 
     if types.is_struct(kind):
-        for inner in kind:
-            yield from _flat(path, f"{name}.{inner.name}", inner.type, column.field(inner.name))
+        for k, inner in enumerate(kind):
+            yield from _flat(path, f"{name}.{inner.name}", inner.type, column.field(k))
     elif types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
         yield from _vector(path, name, kind, column)
     elif types.is_nested(kind) or types.is_binary(kind) or types.is_large_binary(kind):
@@ -169,18 +169,29 @@ def _vector(path: Path, name: str, kind, column: _Column) -> Iterator[tuple[str,
         yield element, lambda k=k: matrix()[:, k]
 
 
-def _width(column) -> int:
-    import pyarrow.compute as pc
+def _lengths(column) -> np.ndarray:
+    """Elements in each row of a list column; none where it is null."""
+    from pyarrow import types
 
-    return pc.max(pc.list_value_length(column)).as_py() or 0
+    parts = [np.zeros(0, int)]
+    for chunk in column.chunks:
+        if types.is_fixed_size_list(chunk.type):
+            parts.append(np.where(chunk.is_null().to_numpy(zero_copy_only=False), 0, chunk.type.list_size))
+        else:
+            parts.append(chunk.value_lengths().fill_null(0).to_numpy())
+    return np.concatenate(parts)
+
+
+def _width(column) -> int:
+    return int(_lengths(column).max(initial=0))
 
 
 def _matrix(column, width: int) -> np.ndarray:
     """Rows of a list column as (n, width), column by column in memory."""
-    import pyarrow.compute as pc
+    from pyarrow import chunked_array
 
-    lengths = pc.fill_null(pc.list_value_length(column), 0).to_numpy()
-    flat = np.asarray(arrow_values(pc.list_flatten(column)), float)
+    lengths = _lengths(column)
+    flat = chunked_array([chunk.flatten() for chunk in column.chunks], column.type.value_type)
     matrix = np.full((len(lengths), width), np.nan, order="F")
-    matrix[np.arange(width) < lengths[:, None]] = flat
+    matrix[np.arange(width) < lengths[:, None]] = np.asarray(arrow_values(flat), float)
     return matrix

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -148,7 +149,7 @@ def _variable(path: Path, file, name: str, thing, readers: dict[str, Reader], un
         readers |= dict(array_columns(name, thing.shape[::-1], lambda: read().T))
 
 
-def _references(thing) -> list:
+def _references(thing) -> list[Any]:
     """References of a cell or struct array in MATLAB's order."""
     return list(thing[()].T.flatten(order="F")) if thing.ndim else []
 

@@ -53,7 +53,7 @@ class _Reading:
     numeric: float  # share of the cells of data that are numbers
 
     @property
-    def score(self) -> tuple:
+    def score(self) -> tuple[bool, float, bool, bool]:
         return (self.header >= 0, self.numeric, self.separator != " ", self.decimal == ".")
 
 

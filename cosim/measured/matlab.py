@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cosim.errors import InputError, Problem
-from cosim.measured.arrays import array_columns, plain
+from cosim.measured.arrays import Reader, array_columns, plain
 from cosim.measured.hdf5 import MOST_CELLS, OBJECT, read_hdf5
 from cosim.measured.table import LazyColumns, RawTable, short_names
 
@@ -32,7 +33,7 @@ def read_matlab(path: Path) -> RawTable:
     return RawTable(path, LazyColumns(readers), short=short_names(readers), unread=unread)
 
 
-def _columns(name: str, value: np.ndarray) -> Iterator[tuple]:
+def _columns(name: str, value: np.ndarray) -> Iterator[tuple[str, Reader | str]]:
     """Columns of a variable; a text in place of the reader where only MATLAB reads it."""
     from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
@@ -53,7 +54,7 @@ def _columns(name: str, value: np.ndarray) -> Iterator[tuple]:
         yield from array_columns(name, value.shape, lambda: value)
 
 
-def _items(name: str, value: np.ndarray, index: str) -> Iterator[tuple[str, object]]:
+def _items(name: str, value: np.ndarray, index: str) -> Iterator[tuple[str, Any]]:
     """Elements of an array with MATLAB's linear index; a single one has none."""
     if value.ndim == 0:
         yield name, value[()]
@@ -62,7 +63,7 @@ def _items(name: str, value: np.ndarray, index: str) -> Iterator[tuple[str, obje
         yield name + index.format(k + 1), item
 
 
-def _cell(name: str, value: np.ndarray) -> Iterator[tuple]:
+def _cell(name: str, value: np.ndarray) -> Iterator[tuple[str, Reader | str]]:
     words = value.ndim == 1 and value.size and all(isinstance(item, str) for item in value)
     if words:
         yield name, lambda: plain(value)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -94,7 +95,9 @@ def signals(path: Path, time: str, names: Sequence[str], note: Note) -> tuple[np
     return found[time], np.column_stack(numbers)
 
 
-def columns(table: RawTable, wanted: Mapping[str, str], time: str, unit: StampUnit, note: Note) -> dict:
+def columns(
+    table: RawTable, wanted: Mapping[str, str], time: str, unit: StampUnit, note: Note
+) -> dict[str, np.ndarray]:
     """Columns by the names that they were asked by, all on the stamps of `time`, which becomes seconds."""
     whole = _found(table, wanted)
     unit = StampUnit(unit.described, _told_unit(table, whole[time]), unit.scale)
@@ -191,7 +194,13 @@ def _numbers(table: RawTable, name: str, column: np.ndarray, problems: list[Prob
     return values
 
 
-def _in_si(table: RawTable, description: RecordingDescription, found: Mapping, problems: list, note: Note) -> dict:
+def _in_si(
+    table: RawTable,
+    description: RecordingDescription,
+    found: Mapping[str, np.ndarray],
+    problems: list[Problem],
+    note: Note,
+) -> dict[str, np.ndarray]:
     """Signals whose unit the file names and the description leaves open, in the SI unit of their role."""
     result = {}
     for role in ("q", "tau", "dq", "ddq", "q_ref", "force"):
@@ -214,5 +223,5 @@ def _in_si(table: RawTable, description: RecordingDescription, found: Mapping, p
     return result
 
 
-def _first(values, default=""):
+def _first(values: Sequence[Any] | None, default: Any = "") -> Any:
     return values[0] if values else default

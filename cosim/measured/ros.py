@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -17,6 +18,8 @@ from cosim.errors import InputError, Problem
 from cosim.measured.content import MCAP, article
 from cosim.measured.table import WIDEST, LazyColumns, RawTable, short_names
 
+Row = dict[str, Any]  # a message, flat
+Readers = dict[str, Callable[[], np.ndarray]]
 BEGINNING = 50  # messages that show what a topic holds
 INSTALL = "pip install 'haptic-cosim[ros]'"
 
@@ -139,22 +142,21 @@ class _Topic:
     path: Path
     source: _Source
     name: str
-    beginning: tuple[dict[str, object], ...]
+    beginning: tuple[Row, ...]
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names that stand beside the values (JointState), of all the first messages."""
-        listed = [row.get("name") for row in self.beginning]
-        return tuple(dict.fromkeys(name for names in listed if _is_words(names) for name in names))
+        return tuple(dict.fromkeys(name for row in self.beginning for name in _words(row)))
 
     @property
     def mixed(self) -> bool:
         """Whether messages about different joints share the topic."""
-        return len({tuple(row["name"]) for row in self.beginning if _is_words(row.get("name"))}) > 1
+        return len({_words(row) for row in self.beginning if _words(row)}) > 1
 
 
 def _table(path: Path, source: _Source, topics: dict[str, str]) -> RawTable:
-    readers: dict[str, Callable[[], np.ndarray]] = {}
+    readers: Readers = {}
     clocks: dict[str, str] = {}
     unread = {topic: why for topic, why in topics.items() if why}
     for topic in sorted(set(topics) - set(unread)):
@@ -169,11 +171,11 @@ def _table(path: Path, source: _Source, topics: dict[str, str]) -> RawTable:
     return RawTable(path, LazyColumns(readers), units=units, short=short_names(readers), clocks=clocks, unread=unread)
 
 
-def _topic_columns(topic: _Topic, readers: dict, clocks: dict) -> None:
+def _topic_columns(topic: _Topic, readers: Readers, clocks: dict[str, str]) -> None:
     """Columns of a topic: scalars, elements of vectors, and values by the name of their joint."""
 
     @cache
-    def rows() -> list[dict[str, object]]:
+    def rows() -> list[Row]:
         return _all_rows(topic)
 
     clock = f"{topic.name}.stamp"
@@ -191,7 +193,7 @@ def _topic_columns(topic: _Topic, readers: dict, clocks: dict) -> None:
             _by_joint(topic, key, rows, readers, clocks)
 
 
-def _by_joint(topic: _Topic, key: str, rows, readers: dict, clocks: dict) -> None:
+def _by_joint(topic: _Topic, key: str, rows, readers: Readers, clocks: dict[str, str]) -> None:
     """`/joint_states.position[elbow]`; where messages about different joints share a topic, with their own stamps."""
     for joint in topic.joint_names:
         name = f"{topic.name}.{key}[{joint}]"
@@ -203,7 +205,7 @@ def _by_joint(topic: _Topic, key: str, rows, readers: dict, clocks: dict) -> Non
             clocks[clock] = clock
 
 
-def _all_rows(topic: _Topic) -> list[dict[str, object]]:
+def _all_rows(topic: _Topic) -> list[Row]:
     try:
         return [_row(*item) for item in topic.source.messages(topic.name)]
     except Exception as error:  # noqa: BLE001 - decoders raise many kinds
@@ -211,7 +213,7 @@ def _all_rows(topic: _Topic) -> list[dict[str, object]]:
         raise InputError(Problem(f"{topic.path}: {topic.name}", "messages that can be decoded", got)) from None
 
 
-def _row(received: int, message) -> dict[str, object]:
+def _row(received: int, message) -> Row:
     """A message as flat values; the stamp is the header's, that of receipt where it has none."""
     row = dict(_flat("", message))
     stamp = row.get("header.stamp", row.get("stamp", 0))
@@ -245,7 +247,7 @@ def _is_words(value) -> bool:
     return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(item, str) for item in value)
 
 
-def _words(row: dict) -> tuple[str, ...]:
+def _words(row: Row) -> tuple[str, ...]:
     names = row.get("name")
     return tuple(names) if _is_words(names) else ()
 
@@ -259,7 +261,7 @@ def _width(value) -> int:
     return 0
 
 
-def _scalars(rows: list[dict], key: str) -> np.ndarray:
+def _scalars(rows: list[Row], key: str) -> np.ndarray:
     values = [row.get(key) for row in rows]
     if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
         return np.array(values, dtype=np.int64)
@@ -268,7 +270,7 @@ def _scalars(rows: list[dict], key: str) -> np.ndarray:
     return np.array([np.nan if value is None else float(value) for value in values])
 
 
-def _elements(topic: _Topic, rows: list[dict], key: str, k: int) -> np.ndarray:
+def _elements(topic: _Topic, rows: list[Row], key: str, k: int) -> np.ndarray:
     """Element k of a vector; NaN in messages that have fewer. The order of the joints must not change."""
     lists = {_words(row) for row in rows if _words(row)}
     if len(lists) > 1:
@@ -279,7 +281,7 @@ def _elements(topic: _Topic, rows: list[dict], key: str, k: int) -> np.ndarray:
     return np.array([float(row[key][k]) if key in row and len(row[key]) > k else np.nan for row in rows])
 
 
-def _of_joint(rows: list[dict], key: str, joint: str) -> np.ndarray:
+def _of_joint(rows: list[Row], key: str, joint: str) -> np.ndarray:
     found = []
     for row in rows:
         names = _words(row)

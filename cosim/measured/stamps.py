@@ -83,7 +83,7 @@ def _elapsed(stamps: np.ndarray, start) -> np.ndarray:
 def _since_1970(start, unit: str) -> str:
     value = int(start) / PER_SECOND[unit]
     if EPOCH[0] <= value <= EPOCH[1]:
-        return f"stamps since 1970, the first {np.datetime64(int(start), unit)}"
+        return f"stamps since 1970, the first {np.array(int(start)).astype(f'datetime64[{unit}]')}"
     return f"stamps that begin at {start} {unit}"
 
 

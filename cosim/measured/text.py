@@ -65,21 +65,22 @@ def _short(layout: TextLayout, names: list[str]) -> dict[str, tuple[str, ...]]:
 def _read(path: Path, layout: TextLayout) -> tuple:
     """The arrow table; a column that turns out to hold text further down is read again as text."""
     types = _types(layout)
-    for _ in range(4):
+    for attempt in range(5):
         bad: list[tuple[int, str]] = []
+        types = ["text"] * len(types) if attempt == 4 else types
         try:
             table = _csv(path, layout, types, bad)
         except _text_errors() as error:
             found = re.search(r"In CSV column #(\d+): CSV conversion error", str(error))
-            if not found:
+            if not found or attempt == 4:
                 raise InputError(_broken(path, layout, str(error))) from None
             types[int(found.group(1))] = "text"
             continue
         return table, _rows_left_out(path, layout, bad)
-    return _csv(path, layout, ["text"] * len(types), bad), _rows_left_out(path, layout, bad)
+    raise AssertionError("the last attempt returns or raises")
 
 
-def _text_errors() -> tuple:
+def _text_errors() -> tuple[type[Exception], ...]:
     from pyarrow import ArrowException
 
     return ArrowException, UnicodeError
@@ -90,7 +91,7 @@ def _broken(path: Path, layout: TextLayout, text: str) -> Problem:
     return Problem(str(path), f"a table of equal rows ({kind})", text.splitlines()[0][:200] if text else "nothing")
 
 
-def _csv(path: Path, layout: TextLayout, types: list[str], bad: list):
+def _csv(path: Path, layout: TextLayout, types: list[str], bad: list[tuple[int, str]]):
     from pyarrow import binary, csv, float64, int64, timestamp
 
     arrow = {"number": float64(), "whole": int64(), "text": binary()}

@@ -8,8 +8,9 @@ LONGEST_GAP = 6.5  # steps of a signal over which no value is made up; `repairs`
 def aligned(values: np.ndarray, stamps: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Values (m,) at stamps (m,) [s], read at the wanted ones (n,) [s]: numbers on lines between them, words held.
 
-    NaN (or "") outside the stamps and in gaps of more than LONGEST_GAP of their steps. No filter: what is faster than
-    the wanted stamps folds back.
+    NaN (or "") outside the stamps and in gaps of more than LONGEST_GAP of their steps. Between neighbours that lie more
+    than half the range of the signal apart (an angle that wraps, a counter, a switch) the nearer one is taken. No
+    filter: what is faster than the wanted stamps folds back.
     """
     good = np.isfinite(stamps)
     stamps, first = np.unique(stamps[good], return_index=True)
@@ -24,4 +25,8 @@ def aligned(values: np.ndarray, stamps: np.ndarray, wanted: np.ndarray) -> np.nd
     if values.dtype.kind in "US":
         return np.where(inside, values[before], "")
     numbers = values.astype(float)
-    return np.where(inside, np.interp(wanted, stamps, numbers), np.nan)
+    lines = np.interp(wanted, stamps, numbers)
+    good = numbers[np.isfinite(numbers)]
+    jumps = np.abs(numbers[after] - numbers[before]) > np.ptp(good) / 2 if len(good) else np.zeros(len(wanted), bool)
+    nearer = np.where(wanted - stamps[before] <= stamps[after] - wanted, before, after)
+    return np.where(inside, np.where(jumps, numbers[nearer], lines), np.nan)

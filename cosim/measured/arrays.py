@@ -1,6 +1,7 @@
 """Arrays of any file as columns: vectors by their name, matrices by the longer side."""
 
 from collections.abc import Callable, Iterator
+from functools import cache
 
 import numpy as np
 
@@ -19,10 +20,10 @@ def array_columns(name: str, shape: tuple[int, ...], read: Reader) -> Iterator[t
         yield name, lambda: plain(read().reshape(-1))
     elif len(sides) == 2 and min(sides) <= WIDEST:
         upright = sides[0] >= sides[1]
+        matrix = cache(lambda: read().reshape(sides))
 
         def column(k: int) -> np.ndarray:
-            matrix = read().reshape(sides)
-            return plain(matrix[:, k] if upright else matrix[k])
+            return plain(matrix()[:, k] if upright else matrix()[k])
 
         for k, element in enumerate(elements(name, min(sides))):
             yield element, lambda k=k: column(k)

@@ -14,7 +14,7 @@ from attrs import evolve, frozen
 from cosim.errors import InputError, Problem
 from cosim.measured import units
 
-HEAD = 1 << 18  # bytes that are looked at; more than any preamble seen
+HEAD = 1 << 16  # bytes that are looked at; more than any preamble seen
 SAMPLE = 200  # lines that must agree
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"),
@@ -86,8 +86,7 @@ def _head(path: Path) -> tuple[str, list[str], list[str]]:
     lines = re.split(r"\r\n|\n|\r", text)
     if not whole and len(lines) > 2:
         lines.pop()
-    plain = {"utf-8": "", "utf-8-sig": ""}
-    notes = [] if encoding in plain else [f"{path.name}: encoding {encoding}"]
+    notes = [] if encoding in ("utf-8", "utf-8-sig") else [f"{path.name}: encoding {encoding}"]
     return encoding, lines, notes
 
 
@@ -296,6 +295,10 @@ def _no_header(path: Path, lines: list[str], reading: _Reading) -> Problem:
     above = [k for k in range(reading.first) if lines[k].strip()]
     kind = SEPARATORS[reading.separator]
     names = _names(lines[above[-1]], reading.separator) if above else ()
+    if len(above) > 1 and any(is_number(name, reading.decimal) for name in names):
+        where, got = f"{path}: line {above[-1] + 1}", f"{len(names)} cells: {lines[above[-1]].strip()[:60]!r}"
+        expected = f"rows of {reading.width} cells, separated by {kind}, below a line with their names"
+        return Problem(where, expected, got, "mend or remove the line")
     if len(names) < 2 or any(is_number(name, reading.decimal) for name in names):
         where = f"{path}: line {(above[-1] if above else reading.first) + 1}"
         got = lines[above[-1] if above else reading.first].strip()[:60]
@@ -305,7 +308,6 @@ def _no_header(path: Path, lines: list[str], reading: _Reading) -> Problem:
         f"{len(names)} names in line {above[-1] + 1}, {reading.width} cells in line {reading.first + 1}: "
         f"{lines[reading.first].strip()[:40]}"
     )
-    advice = (
-        "a decimal comma? write points, or separate by semicolons" if "," in kind or reading.separator == "," else ""
-    )
-    return Problem(str(path), expected, got, advice if reading.width > len(names) else "")
+    comma = reading.separator == "," and reading.width > len(names)
+    advice = "a decimal comma? write points, or separate by semicolons" if comma else ""
+    return Problem(str(path), expected, got, advice)

@@ -10,6 +10,7 @@ from cosim.errors import InputError, Problem
 from cosim.measured import content, units
 from cosim.measured.alignment import aligned
 from cosim.measured.description import RecordingDescription
+from cosim.measured.pairs import with_joined_stamps
 from cosim.measured.stamps import StampUnit, check_step, origin, seconds, typical_step
 from cosim.measured.table import RawTable
 
@@ -20,7 +21,7 @@ def read_table(path: Path | str) -> RawTable:
     """All columns of a file, by its content and then its suffix. Raises InputError where it cannot be read."""
     path = Path(path)
     kind = content.kind_of(path)
-    table = _reader(kind)(path)
+    table = with_joined_stamps(_reader(kind)(path))
     if not len(table.columns):
         held = "; ".join(f"{thing}: {why}" for thing, why in table.unread.items())
         raise InputError(Problem(str(path), "columns of numbers", f"{content.article(kind)} file without any", held))
@@ -204,13 +205,16 @@ def _in_si(
     """Signals whose unit the file names and the description leaves open, in the SI unit of their role."""
     result = {}
     for role in ("q", "tau", "dq", "ddq", "q_ref", "force"):
-        if role in description.units or role in description.scale:
+        if role in description.units:
             continue
         wanted = description.si.get(role, "N" if role == "force" else "")
         for name in getattr(description.columns, role):
             unit = units.spelled(table.units.get(table.find(name), ""))
             si, factor = units.FACTORS.get(unit, ("", 1.0))
             if unit == wanted or not units.known(unit):
+                continue
+            if role in description.scale:
+                note(f"{table.path.name}: {name} in {unit}, as the file says: [scale] {role} alone is applied")
                 continue
             if si != wanted:
                 advice = f'say [units] {role} = "{unit}"' + ("" if si else f" and [scale] {role}")

@@ -62,8 +62,10 @@ def seconds(stamps: np.ndarray, unit: StampUnit, where: str, note: Note, start=N
 def _from_dates(stamps: np.ndarray, start, unit: StampUnit, where: str, note: Note) -> np.ndarray:
     """datetime64 or timedelta64 of any resolution; missing ones are NaN."""
     elapsed = stamps - start if stamps.dtype.kind == "M" else stamps
+    if np.datetime_data(elapsed.dtype)[0] not in (*PER_SECOND, "D"):
+        elapsed = elapsed.astype("timedelta64[ns]")
     resolution, count = np.datetime_data(elapsed.dtype)
-    per_second = {**PER_SECOND, "m": 1 / 60, "h": 1 / 3600, "D": 1 / 86400}[resolution]
+    per_second = {**PER_SECOND, "D": 1 / 86400}[resolution]
     result = np.where(np.isnat(elapsed), np.nan, elapsed.astype(np.int64) * count / per_second)
     if stamps.dtype.kind == "M":
         note(f"{where}: dates, the first {np.datetime_as_string(start)}: counted from it")
@@ -91,14 +93,28 @@ def _typed(stamps: np.ndarray, where: str) -> np.ndarray:
     """Text as dates or times of day; numbers as they are."""
     if stamps.dtype.kind in "fiuMm":
         return stamps
-    read = [_from_text(text) for text in stamps.astype(str).tolist()]
-    wrong = [row for row, (value, text) in enumerate(zip(read, stamps, strict=True)) if value is None and text.strip()]
-    if wrong:
-        row = wrong[0]
+    cells = stamps.astype(str).tolist()
+    if _is_number(next((cell for cell in cells if cell.strip()), "")):
+        row = next((row for row, cell in enumerate(cells) if cell.strip() and not _is_number(cell)), None)
+        if row is not None:
+            advice = "remove the row or leave the cell empty"
+            raise InputError(Problem(f"{where}, row {row + 1}", "a number", repr(cells[row]), advice))
+        return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
+    read = [_from_text(cell) for cell in cells]
+    row = next((row for row, cell in enumerate(cells) if read[row] is None and cell.strip()), None)
+    if row is not None:
         expected = "a time: a number, 2024-06-10T06:13:20.002 or 06:13:20.002"
         advice = "write year-month-day, or seconds"
-        raise InputError(Problem(f"{where}, row {row + 1}", expected, repr(str(stamps[row])), advice))
+        raise InputError(Problem(f"{where}, row {row + 1}", expected, repr(cells[row]), advice))
     return np.array(["NaT" if value is None else value for value in read], dtype="datetime64[ns]")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 _TEXT = re.compile(

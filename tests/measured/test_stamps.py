@@ -96,6 +96,21 @@ def test_times_of_day(tmp_path):
     assert np.array_equal(seconds(tmp_path, cells)[0], [k * 2 / 1000 for k in range(ROWS)])
 
 
+def test_seconds_and_nanoseconds_in_two_columns(tmp_path):
+    stamps = [f"{(START + int(step)) // 10**9},{(START + int(step)) % 10**9}" for step in STEPS]
+    time, _ = seconds(tmp_path, stamps, header="t.sec,t.nanosec")
+    assert np.array_equal(time, EXACT)
+    stamps[7] = ","
+    time, _ = seconds(tmp_path, stamps, header="t_secs,t_nsecs")
+    assert np.isnan(time[7]) and np.allclose(np.delete(time, 7), np.delete(EXACT, 7), atol=1e-9)
+
+
+def test_a_bad_stamp_among_numbers_is_named_with_its_row(tmp_path):
+    stamps = [*map(str, EXACT.tolist())]
+    stamps[150] = "lost"
+    assert "row 151: expected a number, got 'lost'" in message(lambda: seconds(tmp_path, stamps))
+
+
 def test_stamps_in_several_units_at_once_are_refused(tmp_path):
     time = EXACT.copy()
     time[::3] *= 1e9

@@ -21,12 +21,15 @@ FACE = ("cosim", "cosim.__main__")
 HEAVY = {
     "fmpy": {"cosim.fmu", "cosim.exports.container"},
     "control": {"cosim.analysis.margin"},
-    "h5py": {"cosim.results.files", "cosim.measured.reader"},  # our results, and files of laboratories
+    "h5py": {"cosim.results.files", "cosim.measured.hdf5"},  # our results, and files of laboratories
     "matplotlib": {"cosim.report.canvas"},
     "jinja2": {"cosim.report.html"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},
-    "pyarrow": {"cosim.measured.reader"},
+    "pyarrow": {"cosim.measured.text", "cosim.measured.columnar", "cosim.measured.arrow"},
+    "rosbags": {"cosim.measured.ros"},
+    "mcap": {"cosim.measured.ros"},
+    "asammdf": {"cosim.measured.mdf"},
     "pandas": {"cosim.results.frames", "cosim.api"},  # in annotations only
     "xarray": {"cosim.results.frames", "cosim.api"},
 }

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError, Problem, RunError, did_you_mean
+from cosim.measured.reader import signals
 from cosim.scenario import Component, Scenario
 
 Progress = Callable[[str], None]
@@ -53,13 +54,10 @@ def _built(model: str, fmi: int, progress: Progress | None) -> Path:
 
 
 def _recording(component: Component, path: Path, scenario: Scenario, progress: Progress | None) -> Path:
-    """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s] as outputs y[1], y[2],
-    ...
-    """
+    """A Recording FMU that plays columns of a measured file over its time column as outputs y[1], y[2], ..."""
     from build_fmus import recording_fmu
 
-    wanted = [component.time, *component.columns]
-    table = read_columns(path, wanted)
+    table = read_columns(path, component.time, component.columns, progress)
     columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")
     return recording_fmu(
@@ -67,19 +65,10 @@ def _recording(component: Component, path: Path, scenario: Scenario, progress: P
     )
 
 
-def read_columns(path: Path, names: Sequence[str]) -> np.ndarray:
-    """Columns of a CSV file with a header line, in the order asked for, as (rows, columns). Raises InputError."""
-    with open(path, encoding="utf-8") as stream:
-        lines = [line for line in stream if not line.startswith("#")]
-    header = [name.strip() for name in lines[0].split(",")] if lines else []
-    missing = [name for name in names if name not in header]
-    if missing:
-        raise InputError([Problem(str(path), "a column", repr(n), did_you_mean(n, header)) for n in missing])
-    try:
-        data = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:] if line.strip()])
-    except ValueError as error:
-        raise InputError(Problem(str(path), "numbers", str(error))) from None
-    return data[:, [header.index(name) for name in names]]
+def read_columns(path: Path, time: str, names: Sequence[str], progress: Progress | None = None) -> np.ndarray:
+    """Time [s] and columns of a measured file of any kind, as (rows, 1 + columns). Raises InputError."""
+    stamps, values = signals(path, time, names, progress or (lambda _: None))
+    return np.column_stack([stamps, values])
 
 
 def extracted(path: Path) -> Path:

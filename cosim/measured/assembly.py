@@ -100,7 +100,7 @@ def _runs(
     several = len(tables) > 1
     for table, held in tables:
         try:
-            columns = needed(table, description)
+            columns = needed(table, description, note)
             for part in _parts(table.path.stem, columns, description, several):
                 runs += _repaired(part, columns, description, held, note)
         except InputError as error:
@@ -147,7 +147,7 @@ def _repaired(
 ) -> list[tuple[Run, bool | None]]:
     layout = _layout(description)
     signals = np.column_stack([columns[name][part.rows] * factor for _, name, factor in layout])
-    time = columns[description.columns.time][part.rows] * description.factor("time", 0)
+    time = columns[description.columns.time][part.rows]
     test = np.zeros(len(part.rows), bool) if part.test is None else part.test
     positions = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("q", "q_ref"))
     names = tuple(name for _, name, _ in layout)

@@ -175,10 +175,18 @@ def test_comment_lines_and_semicolons(tmp_path):
     assert np.allclose(recording.runs[0].q, arm_columns()[:, 1:4], atol=1e-8)
 
 
-def test_decimal_comma_is_explained(tmp_path):
-    text = write(tmp_path / "a.csv", arm_columns()).read_text().replace(",", ";").replace(".", ",")
-    (tmp_path / "a.csv").write_text(text)
-    assert "decimal comma" in message(lambda: read([tmp_path / "a.csv"]))
+def test_decimal_commas_are_read(tmp_path):
+    text = write(tmp_path / "a.csv", arm_columns()).read_text()
+    (tmp_path / "b.csv").write_text(text.replace(",", ";").replace(".", ","))
+    plain, comma = (read([tmp_path / name]) for name in ("a.csv", "b.csv"))
+    warned(comma, "decimal comma")
+    assert np.array_equal(comma.runs[0].q, plain.runs[0].q) and np.array_equal(comma.runs[0].tau, plain.runs[0].tau)
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path):
+    rows = "".join(f"0,{k:03d},0,5\n" for k in range(100))
+    (tmp_path / "a.csv").write_text("t,q\n" + rows)
+    assert "a decimal comma?" in message(lambda: read([tmp_path / "a.csv"]))
 
 
 def test_gap_splits_the_run(tmp_path):

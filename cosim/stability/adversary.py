@@ -1,7 +1,5 @@
 """Search for the delay law within a bound that makes a sampled loop grow fastest: policy iteration over a period."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from attrs import cmp_using, field, frozen
 
@@ -56,7 +54,7 @@ def under(loop: SampledLoop, ages: np.ndarray) -> DelayLaw:
 
 
 def destroying_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:
-    """The law with the smallest bound, searched between low and high [steps], that makes the loop grow; None where none does.
+    """The law with the smallest bound [steps], searched between low and high, that makes the loop grow; None if none.
 
     `ways`: which law each channel follows, (0, 0) for the same law both ways, (0, 1) for independent ones. Periods and
     bounds are searched on a loop of coarser steps; at the loop's own step the law is improved, and the bound follows

@@ -47,7 +47,7 @@ def symmetric_verdict(sides: list[TipSide], step: float, limit: float) -> AnyDel
     """Verdict on axes with equal sides and no coupling between axes, for T up to `limit` [s]; both classes of laws.
 
     The certificates are for independent laws, and so for the same law both ways as well. The destroying law is the same
-    both ways, and so one of the independent laws as well; it is searched in the distance of the tips, a loop of its own.
+    both ways, and so one of the independent laws too; it is searched in the distance of the tips, a loop of its own.
     """
     attacked = [difference_loop(side, step) for side in sides]
     law, where = _smallest(attacked, (0,), limit)

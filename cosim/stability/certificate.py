@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from attrs import cmp_using, field, frozen
@@ -24,6 +25,11 @@ class Multiplier:
 
     form: np.ndarray = field(converter=lambda rows: np.array(rows, dtype=float), eq=cmp_using(np.array_equal))
     rests: np.ndarray = field(converter=lambda row: np.array(row, dtype=float), eq=cmp_using(np.array_equal))
+
+    def fits(self, lifts: int, size: int) -> bool:
+        """Whether the shapes are those of a grid with so many lifts, and all numbers finite."""
+        shapes = self.form.shape == (size, size) and self.rests.shape == (lifts,)
+        return shapes and bool(np.all(np.isfinite(self.form)) and np.all(np.isfinite(self.rests)))
 
 
 @frozen
@@ -50,21 +56,18 @@ class Certificate:
         return self.most * self.loop.step
 
     def __attrs_post_init__(self) -> None:
-        size = len(self.grid.lifts) + len(self.grid.points)
+        lifts, size = len(self.grid.lifts), len(self.grid.lifts) + len(self.grid.points)
         problems = [
-            Problem(f"multiplier {k}", f"a symmetric form {(size, size)} and rests >= 0", str(m.form.shape))
+            Problem(f"multiplier {k}", f"a symmetric form {(size, size)} and {lifts} rests >= 0", str(m.form.shape))
             for k, m in enumerate(self.multipliers)
-            if m.form.shape != (size, size)
-            or not np.array_equal(m.form, m.form.T)
-            or m.rests.shape != (len(self.grid.lifts),)
-            or not np.all(m.rests >= 0.0)
+            if not (m.fits(lifts, size) and np.array_equal(m.form, m.form.T) and np.all(m.rests >= 0.0))
         ]
         if len(self.uses) != self.loop.channels or not set(self.uses) <= set(range(len(self.multipliers))):
             problems.append(Problem("uses", f"a multiplier for each of {self.loop.channels} channels", str(self.uses)))
         if problems:
             raise InputError(problems)
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, object]:
         """Plain data; every number is a float that its decimal form gives back to the bit."""
         loop = self.loop
         return {
@@ -102,7 +105,7 @@ def load(path: str | Path) -> tuple[Certificate, ...]:
     return tuple(from_dict(data, f"{path}, loop {k}") for k, data in enumerate(content["loops"]))
 
 
-def from_dict(data: dict, where: str = "certificate") -> Certificate:
+def from_dict(data: dict[str, Any], where: str = "certificate") -> Certificate:
     """A certificate from `Certificate.to_dict`; InputError where something is missing or does not fit."""
     try:
         return Certificate(

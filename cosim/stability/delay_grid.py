@@ -34,7 +34,7 @@ class DelayGrid:
         problems = [
             Problem(f"{name} of a delay grid", "steps that start at 0 and grow", str(values))
             for name, values in [("lifts", self.lifts), *(("knots", row) for row in self.knots)]
-            if not values or values[0] != 0 or any(b <= a for a, b in zip(values, values[1:]))
+            if not values or values[0] != 0 or any(b <= a for a, b in itertools.pairwise(values))
         ]
         if len(self.knots) != len(self.lifts) or len({row[-1] for row in self.knots if row}) != 1 or self.most < 1:
             problems.append(
@@ -54,7 +54,7 @@ class DelayGrid:
         return tuple(sorted({lift + knot for lift, row in zip(self.lifts, self.knots) for knot in row} - {0}))
 
     def rows(self) -> list[np.ndarray]:
-        """For each lift x[k - lift - knot] - x[k - lift] at its knots over the y_j, shape (knots, points), of 0, 1, -1."""
+        """For each lift x[k - lift - knot] - x[k - lift] at its knots over the y_j, (knots, points), of 0, 1, -1."""
         unit = dict(zip((0, *self.points), np.vstack([np.zeros(len(self.points)), np.eye(len(self.points))])))
         return [np.array([unit[lift + k] - unit[lift] for k in row]) for lift, row in zip(self.lifts, self.knots)]
 
@@ -69,7 +69,7 @@ class DelayGrid:
         (n - max(s, t)) / n of the chord. By Schwarz r^2 <= (sum G^2) (sum over the segment of (Delta^2 x)^2); whichever
         segment the law is in at k, all segments together bound it, and summing over k counts each sample n - 1 times.
         """
-        lengths = [[b - a for a, b in zip(row, row[1:])] for row in self.knots]
+        lengths = [[b - a for a, b in itertools.pairwise(row)] for row in self.knots]
         return [sum(((n - 1) * _chord(n) for n in row), Fraction(0)) for row in lengths]
 
 

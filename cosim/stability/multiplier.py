@@ -1,10 +1,12 @@
 """Search for the multipliers of a certificate: a convex problem, cut by cut. The only importer of `cvxpy`."""
 
 import warnings
+from typing import Any
 
 import numpy as np
 from attrs import frozen
 
+from cosim.errors import InputError, Problem
 from cosim.stability.certificate import Certificate, Multiplier
 from cosim.stability.delay_grid import DelayGrid
 from cosim.stability.sampled_loop import SampledLoop
@@ -58,14 +60,9 @@ def _signals(loop: SampledLoop, grid: DelayGrid, frequencies: np.ndarray) -> _Si
 def _frequencies(grid: DelayGrid) -> np.ndarray:
     """Fine where the loop lives, and fine enough for the lifts up to half the sampling rate."""
     period = 2.0 * np.pi / grid.points[-1]
-    low = np.linspace(1e-3 * period, 6.0 * period, 1500)
-    return np.concatenate(
-        [
-            low,
-            np.linspace(6.0 * period, min(20.0 * period, np.pi), 700)[1:],
-            np.geomspace(min(20.0 * period, 3.0), np.pi, 600)[1:],
-        ]
-    )
+    low, high = 6.0 * period, min(20.0 * period, 3.0)
+    dense = np.linspace(1e-3 * period, low, 1500)
+    return np.concatenate([dense, np.linspace(low, high, 700)[1:], np.geomspace(high, np.pi, 600)[1:]])
 
 
 def certify(loop: SampledLoop, grid: DelayGrid) -> Certificate | None:
@@ -124,17 +121,26 @@ def _peaks(values: np.ndarray, floor: float, most: int = 60) -> np.ndarray:
     return top[np.argsort(-values[top])][:most]
 
 
+def _cvxpy() -> Any:
+    """The package that states and solves the programme, an extra of the installation."""
+    try:
+        import cvxpy
+    except ImportError as error:
+        advice = "pip install 'haptic-cosim[certify]'"
+        raise InputError(Problem("certificate", "the package cvxpy with Clarabel", str(error), advice)) from error
+    return cvxpy
+
+
 class _Programme:
     """The semidefinite programme: largest margin e by which forms of bounded size meet all conditions."""
 
     def __init__(self, grid: DelayGrid, groups: int, units: np.ndarray) -> None:
-        import cvxpy as cp
-
+        cp = _cvxpy()
         lifts, size = len(grid.lifts), len(grid.lifts) + len(grid.points)
         self.margin = cp.Variable()
         self.forms = [cp.Variable((size, size), symmetric=True) for _ in range(groups)]
         self.rests = cp.Variable((groups, lifts), nonneg=True)
-        self.conditions = [self.margin <= 1.0, self.rests <= 1e3]
+        self.conditions: list[Any] = [self.margin <= 1.0, self.rests <= 1e3]
         for g, form in enumerate(self.forms):
             rest = cp.diag(cp.hstack([np.zeros(size - lifts), self.rests[g]]))
             self.conditions += [form <= 1.0, form >= -1.0, cp.diag(form)[:lifts] <= 0.0]
@@ -144,8 +150,7 @@ class _Programme:
 
     def add(self, forms: np.ndarray, rests: np.ndarray) -> None:
         """Cuts: sum of <forms, P> + rests rho <= -margin."""
-        import cvxpy as cp
-
+        cp = _cvxpy()
         total = rests @ cp.sum(self.rests, axis=1)
         for g, form in enumerate(self.forms):
             total = total + forms[:, g].reshape(len(forms), -1) @ cp.vec(form, order="C")
@@ -153,14 +158,13 @@ class _Programme:
 
     def solve(self):
         """Margin and (form, rest) of each group; None where the solver finds nothing."""
-        import cvxpy as cp
-
+        cp = _cvxpy()
         problem = cp.Problem(cp.Maximize(self.margin), self.conditions)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # "may be inaccurate": what comes out is checked anyway
                 problem.solve(solver=cp.CLARABEL)
-        except cp.error.SolverError:
+        except cp.SolverError:
             return 0.0, None
         if self.margin.value is None:
             return 0.0, None

@@ -4,6 +4,8 @@ The theorem is in ANY_DELAY.md. Every step is exact or encloses what is exact; t
 holds, and they are taken as the rational numbers that they are.
 """
 
+import itertools
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -62,11 +64,8 @@ def positive_definite(matrix: list[list[Fraction]]) -> bool:
 
     Counted in integers (Bareiss 1968): the k-th pivot is the k-th leading minor, up to a positive factor.
     """
-    scale = max(value.denominator for row in matrix for value in row)  # floats: powers of two
-    rows = [[int(value * scale) if (value * scale).denominator == 1 else None for value in row] for row in matrix]
-    if any(value is None for row in rows for value in row):
-        scale = int(np.lcm.reduce([value.denominator for row in matrix for value in row], dtype=object))
-        rows = [[int(value * scale) for value in row] for row in matrix]
+    scale = math.lcm(*(value.denominator for row in matrix for value in row))
+    rows = [[int(value * scale) for value in row] for row in matrix]
     before = 1
     for k in range(len(rows)):
         pivot = rows[k][k]
@@ -125,7 +124,7 @@ def _response(certificate: Certificate) -> Check:
     response = Response(certificate)
     # pi lies below 22/7; the response has the period 2 pi, so a little more does no harm
     edges = [Fraction(0), *(Fraction(22, 7) * Fraction(2) ** -k for k in range(14, -1, -1))]
-    todo = list(zip(edges, edges[1:]))
+    todo = list(itertools.pairwise(edges))
     done = 0
     while todo:
         low, high = todo.pop()

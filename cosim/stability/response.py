@@ -4,9 +4,11 @@ The only importer of `flint`. A pair (value, slope) is a quantity and its deriva
 """
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
+from cosim.errors import InputError, Problem
 from cosim.stability.certificate import Certificate
 
 _BITS = 80
@@ -16,8 +18,7 @@ class Response:
     """F(w) = sum_c Phi_c^* P_c Phi_c + rests R |Delta^2 x_c|^2, a Hermitian (p, p), with its derivative."""
 
     def __init__(self, certificate: Certificate) -> None:
-        import flint
-
+        flint = _flint()
         flint.ctx.prec = _BITS
         self._flint = flint
         self._loop, self._grid, self._uses = certificate.loop, certificate.grid, certificate.uses
@@ -127,6 +128,16 @@ class Response:
 
     def _ball(self, value: Fraction):
         return self._flint.arb(self._flint.fmpq(value.numerator, value.denominator))
+
+
+def _flint() -> Any:
+    """The package of balls, an extra of the installation."""
+    try:
+        import flint
+    except ImportError as error:
+        advice = "pip install 'haptic-cosim[certify]'"
+        raise InputError(Problem("certificate", "the package python-flint", str(error), advice)) from error
+    return flint
 
 
 def _star(matrix):

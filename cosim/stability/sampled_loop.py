@@ -2,18 +2,15 @@
 
 import numpy as np
 from attrs import cmp_using, field, frozen
+from numpy.typing import ArrayLike
 
 from cosim.errors import InputError, Problem
 
 
-def _matrix(values) -> np.ndarray:
+def _matrix(values: ArrayLike) -> np.ndarray:
     matrix = np.atleast_2d(np.array(values, dtype=float))
     matrix.flags.writeable = False
     return matrix
-
-
-def _entry():
-    return field(converter=_matrix, eq=cmp_using(np.array_equal))
 
 
 @frozen
@@ -27,10 +24,10 @@ class SampledLoop:
     `drive` B (n, p), `moved` C (p, n), `moved_now` D (p, p), `step` [s].
     """
 
-    transition: np.ndarray = _entry()
-    drive: np.ndarray = _entry()
-    moved: np.ndarray = _entry()
-    moved_now: np.ndarray = _entry()
+    transition: np.ndarray = field(converter=_matrix, eq=cmp_using(np.array_equal))
+    drive: np.ndarray = field(converter=_matrix, eq=cmp_using(np.array_equal))
+    moved: np.ndarray = field(converter=_matrix, eq=cmp_using(np.array_equal))
+    moved_now: np.ndarray = field(converter=_matrix, eq=cmp_using(np.array_equal))
     step: float
 
     def __attrs_post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The two-sided verdict for any delay law, for Taati's sets: `python -m tests.benchmarks.any_delay [SET ...] [--out DIR]`.
+"""The two-sided verdict for any delay law: `python -m tests.benchmarks.any_delay [SET ...] [--out DIR]`.
 
 Equal sides at q = 0, gravity compensated, no friction and no viscosity of the arm, K = 0.25 N/m, B = 0.09 N s/m, forces
 held over 1 ms. One row a set: delay-sum condition, certificate (independent laws; proven), destroying law (the same
@@ -23,7 +23,7 @@ STIFFNESS, DAMPING, STEP, LIMIT = 0.25, 0.09, 0.001, 0.6
 
 
 def masses(name: str) -> np.ndarray:
-    """Tip masses [kg] along the principal axes of J M^-1 J^T at q = 0, heaviest first: isotropic gains decouple them."""
+    """Tip masses [kg] along the principal axes of J M^-1 J^T at q = 0, heaviest first; isotropic gains decouple."""
     return 1.0 / np.linalg.eigvalsh(tip_inertia(parameter_set(name).pi, np.zeros(3)))
 
 

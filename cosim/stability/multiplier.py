@@ -16,7 +16,7 @@ _ROUNDS = 15
 
 
 @frozen
-class _Signals:
+class _LoopSignals:
     """What the multipliers act on, at each frequency: `parts` (frequencies, p channels, size, p), `bends` (f, p, p)."""
 
     frequencies: np.ndarray
@@ -48,13 +48,13 @@ class _Signals:
         return values[:, -1], np.einsum("fqp,fq->fp", root.conj(), vectors[:, :, -1])
 
 
-def _signals(loop: SampledLoop, grid: DelayGrid, frequencies: np.ndarray) -> _Signals:
+def _signals(loop: SampledLoop, grid: DelayGrid, frequencies: np.ndarray) -> _LoopSignals:
     moved = loop.increments(frequencies)
     late = np.exp(-1j * np.outer(frequencies, np.arange(grid.points[-1] + 1)))
     back = -np.cumsum(late[:, 1:], axis=1)[:, np.array(grid.points) - 1]  # x[k - p] - x[k] from x[k+1] - x[k]
     w = np.einsum("fl,cp->fclp", late[:, list(grid.lifts)], np.eye(loop.channels))
     y = np.einsum("fj,fcp->fcjp", back, moved)
-    return _Signals(frequencies, np.concatenate([w, y], axis=2), (1.0 - late[:, 1])[:, None, None] * moved)
+    return _LoopSignals(frequencies, np.concatenate([w, y], axis=2), (1.0 - late[:, 1])[:, None, None] * moved)
 
 
 def _frequencies(grid: DelayGrid) -> np.ndarray:
@@ -76,7 +76,7 @@ def certify(loop: SampledLoop, grid: DelayGrid) -> Certificate | None:
     signals = _signals(loop, grid, _frequencies(grid))
     size = float(np.abs(signals.bends).max())
     units = size * np.sqrt(np.maximum(np.array(grid.rests(), dtype=float), 1.0))  # rests are counted in these
-    scaled = _Signals(signals.frequencies, signals.parts, signals.bends / size)
+    scaled = _LoopSignals(signals.frequencies, signals.parts, signals.bends / size)
     found = _by_cuts(scaled, grid, uses, units)
     if found is None:
         return None
@@ -90,7 +90,7 @@ def _exchangeable(loop: SampledLoop) -> bool:
     return bool(np.allclose(response, response[:, ::-1, ::-1], rtol=1e-10, atol=0.0))
 
 
-def _by_cuts(signals: _Signals, grid: DelayGrid, uses, units: np.ndarray):
+def _by_cuts(signals: _LoopSignals, grid: DelayGrid, uses, units: np.ndarray):
     """Forms and rests (in `units`) by cutting planes: solve, look at all frequencies, add the worst, again."""
     problem = _Programme(grid, max(uses) + 1, units)
     p = signals.parts.shape[-1]

@@ -19,7 +19,6 @@ class Response:
 
     def __init__(self, certificate: Certificate) -> None:
         flint = _flint()
-        flint.ctx.prec = _BITS
         self._flint = flint
         self._loop, self._grid, self._uses = certificate.loop, certificate.grid, certificate.uses
         self._a, self._b = (self._matrix(m) for m in (certificate.loop.transition, certificate.loop.drive))
@@ -37,6 +36,10 @@ class Response:
         With V the eigenvectors at the middle V^* F V is nearly diagonal; where its negative has dominant positive
         diagonals (Gershgorin), V is regular and F negative definite.
         """
+        with self._flint.ctx.workprec(_BITS):
+            return self._negative(low, high)
+
+    def _negative(self, low: Fraction, high: Fraction) -> bool:
         arb, acb_mat = self._flint.arb, self._flint.acb_mat
         middle, half = self._ball((low + high) / 2), self._ball((high - low) / 2)
         reach = arb(0, 1) * half

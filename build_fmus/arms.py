@@ -1,7 +1,8 @@
 """A model with room for many joints, cut to the joints of one arm: `tau[1..7]` instead of `tau[1..12]`.
 
-The source is the same; the compiler sees arrays of the arm's own length, and so do importers, who then need not know which
-entries of a vector are unused. A table can be cut where it has a parameter `joints`: its greatest value is the room.
+The source is the same; the compiler sees arrays of the arm's own length, and so do importers, who then need not know
+which entries of a vector are unused. A table can be cut where it has a parameter `joints`: its greatest value is the
+room.
 """
 
 from collections.abc import Collection, Mapping, Sequence

@@ -26,6 +26,7 @@ HEAVY = {
     "jinja2": {"cosim.report.html"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},
+    "urdf_parser_py": {"cosim.arm.urdf"},
     "pyarrow": {"cosim.measured.reader"},
     "pandas": {"cosim.results.frames", "cosim.api"},  # in annotations only
     "xarray": {"cosim.results.frames", "cosim.api"},

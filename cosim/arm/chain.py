@@ -26,9 +26,9 @@ class Chain:
 def pick_chain(tree: UrdfTree, base: str | None = None, tip: str | None = None) -> Chain:
     """The chain from `base` (default: the root) to `tip` (default: where the chains with most moving joints part).
 
-    A gripper's fingers are equally long chains: they part at the hand, which so becomes the tip. Where the equal parts are
-    longer than what they share (a robot with two arms), the tip must be named. Raises InputError for a link that is not
-    there, a tip that is not on the base, a joint that no serial arm has, too few or too many joints.
+    A gripper's fingers are equally long chains: they part at the hand, which so becomes the tip. Where the equal parts
+    are longer than what they share (a robot with two arms), the tip must be named. Raises InputError for a link that
+    is not there, a tip that is not on the base, a joint that no serial arm has, too few or too many joints.
     """
     file = tree.source
     unknown = [
@@ -65,14 +65,23 @@ def _longest(tree: UrdfTree, base: str) -> Chain:
     most = max(_moving(path) for path in paths)
     longest = [path for path in paths if _moving(path) == most]
     common = _shared(longest)
-    tips = ", ".join(path[-1].child for path in longest[:6] if path)
     if _moving(common) < most - _moving(common):
-        advice = f"name one with --tip: {tips}"
-        raise InputError(Problem(tree.source, "one longest chain", f"{len(longest)} of {most} moving joints", advice))
+        advice = f"name one with --tip, say {' or '.join(_tips(longest, len(common)))}"
+        raise InputError(Problem(tree.source, "one arm", f"{len(longest)} chains of {most} moving joints", advice))
     tip = common[-1].child if common else base
     if len(longest) == 1:
         return Chain(base, tip, common, "the end of the longest chain")
-    return Chain(base, tip, common, f"where the longest chains part ({tips})")
+    return Chain(
+        base, tip, common, f"where the longest chains part ({', '.join(path[-1].child for path in longest[:6])})"
+    )
+
+
+def _tips(paths: list[list[UrdfJoint]], at: int) -> list[str]:
+    """The links at which the chains part once more, of those that go on by each joint behind the first `at`."""
+    groups: dict[str, list[list[UrdfJoint]]] = {}
+    for path in paths:
+        groups.setdefault(path[at].name, []).append(path)
+    return [_shared(group)[-1].child for group in groups.values()]
 
 
 def _paths(tree: UrdfTree, base: str) -> list[list[UrdfJoint]]:

@@ -6,7 +6,12 @@ import numpy as np
 from attrs import field, frozen
 
 ROUNDING = 1e-6
-"""Share of the largest principal moment by which printed digits may break the triangle inequality or positive moments."""
+"""Share of the largest principal moment by which printed digits may break the triangle inequality or positive
+moments.
+"""
+
+LONGEST = 2.0
+"""Radius of gyration [m] beyond which a link of an arm is doubtful: mm taken for m, say, or inertia without mass."""
 
 
 @frozen(eq=False)
@@ -64,15 +69,11 @@ class BodyInertia:
         if low + middle < high * (1 - ROUNDING):
             excess = 100 * (high / (low + middle) - 1) if low + middle > 0 else np.inf
             yield (
-                f"principal moments {_listed((low, middle, high))} kg m^2 break the triangle inequality by {excess:.3g} %: "
-                "no distribution of mass has them"
+                f"principal moments {_listed((low, middle, high))} kg m^2 break the triangle inequality "
+                f"by {excess:.3g} %: no distribution of mass has them"
             )
-        if self.mass > 0 and not self.inertia.any():
-            yield f"{self.mass:g} kg without inertia: a point"
-        if self.mass == 0 and self.inertia.any():
-            yield "inertia without mass"
-        if self.mass > 0 and high > self.mass * 1.0:
-            yield f"inertia {high:.3g} kg m^2 for {self.mass:.3g} kg: a radius of gyration of {np.sqrt(high / self.mass):.2g} m"
+        if high > self.mass * LONGEST**2:
+            yield f"inertia {high:.3g} kg m^2 for {self.mass:.3g} kg: a radius of gyration beyond {LONGEST:g} m"
 
 
 def _listed(values: Iterable[float]) -> str:

@@ -1,4 +1,5 @@
-"""A robot reduced to one arm: joints off the chain are locked, and what hangs on them is added to the links of the chain.
+"""A robot reduced to one arm: joints off the chain are locked, and what hangs on them is added to the links of the
+chain.
 
 The same as pinocchio's `buildReducedModel`, whose numbers the tests compare.
 """
@@ -57,7 +58,8 @@ class _Cluster:
 def reduce_to_arm(tree: UrdfTree, chain: Chain) -> ReducedArm:
     """The arm of a chain.
 
-    Raises InputError for a link of the arm that no body can be, and where the mass matrix is singular: what moves nothing.
+    Raises InputError for a link of the arm that no body can be, and where the mass matrix is singular: what moves
+    nothing.
     """
     moving = chain.moving
     clusters = [_cluster(tree, chain.base, moving[0])]
@@ -159,8 +161,11 @@ def _link_doubts(tree: UrdfTree, clusters: list[_Cluster]) -> list[str]:
     doubts = []
     for cluster in clusters:
         doubts += [f"link {name!r}: {doubt}" for name in cluster.places for doubt in tree.links[name].doubts()]
+        names = ", ".join(map(repr, cluster.places))
         if cluster.body.empty:
-            doubts.append(f"{', '.join(map(repr, cluster.places))}: no mass and no inertia")
+            doubts.append(f"{names}: no mass and no inertia")
+        elif not cluster.body.inertia.any():
+            doubts.append(f"{names}: {cluster.body.mass:g} kg without inertia, a point")
     return doubts
 
 

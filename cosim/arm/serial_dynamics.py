@@ -2,8 +2,8 @@
 
     M(q) ddq + C(q, dq) dq + N(q) + friction = tau + J^T f,    M = sum_i Jv_i^T m_i Jv_i + Jw_i^T I_i Jw_i + armature
 
-Each link's Newton and Euler equations are projected on the joints (Kane; Siciliano et al., Robotics, 2009, 7.1). The FMU
-SerialArm finds the same numbers by recursion in the links' frames: neither is generated from the other.
+Each link's Newton and Euler equations are projected on the joints (Kane; Siciliano et al., Robotics, 2009, 7.1). The
+FMU SerialArm finds the same numbers by recursion in the links' frames: neither is generated from the other.
 `q`, `dq`, `ddq`, `tau` (..., n), `f` (..., 3) [N] on the tip, base frame; leading axes broadcast.
 """
 
@@ -17,13 +17,15 @@ COULOMB_VELOCITY = 0.01
 """Regularisation [rad/s] of the sign of a velocity: the default of the FMU SerialArm."""
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""Parameters of one link in the frame of its joint: mass, first moment, inertia about the frame's origin (pinocchio's order)."""
+"""Parameters of one link in the frame of its joint: mass, first moment, inertia about the frame's origin (pinocchio's
+order).
+"""
 
 
 @frozen(eq=False)
 class LinkMotion:
-    """Turning and acceleration of the links, base frame (..., n, 3): w [rad/s], dw, and a [m/s^2] of the frames' origins
-    less gravity.
+    """Turning and acceleration of the links, base frame (..., n, 3): w [rad/s], dw, and a [m/s^2] of the frames'
+    origins less gravity.
     """
 
     w: np.ndarray
@@ -32,7 +34,9 @@ class LinkMotion:
 
 
 def link_motion(model: SerialModel, at: LinkFrames, dq: np.ndarray, ddq: np.ndarray) -> LinkMotion:
-    """From the base outwards: what turns adds its spin, what slides its speed and the Coriolis acceleration 2 w x axis dq."""
+    """From the base outwards: what turns adds its spin, what slides its speed and the Coriolis acceleration 2 w x axis
+    dq.
+    """
     shape = np.broadcast_shapes(at.origin.shape[:-2], dq.shape[:-1], ddq.shape[:-1])
     w, dw, before = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
     a = np.broadcast_to(-model.gravity, (*shape, 3))
@@ -102,7 +106,8 @@ def link_parameters(model: SerialModel) -> np.ndarray:
 def regressor(model: SerialModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
     """Y (..., n, 10 n) with Y params = M ddq + C dq + N, rotors left out; params as in `link_parameters`.
 
-    A link's force is m a + ([dw] + [w][w]) h and its couple about the frame's origin h x a + I dw + w x I w, in its frame.
+    A link's force is m a + ([dw] + [w][w]) h and its couple about the frame's origin h x a + I dw + w x I w, in its
+    frame.
     """
     q, dq, ddq = (np.asarray(v, dtype=float) for v in (q, dq, ddq))
     at = frames(model, q)

@@ -11,7 +11,8 @@ TYPES = ("revolute", "continuous", "prismatic")
 def arm_values(model: SerialModel) -> dict[str, float | list[float]]:
     """{variable of SerialArm: start value}, one entry a joint where it is a list.
 
-    The arm starts at `home`, ends its domain where it leaves its joint limits, and its motors give at most their effort.
+    The arm starts at `home`, ends its domain where it leaves its joint limits, and its motors give at most their
+    effort.
     """
     rpy = np.array([roll_pitch_yaw(rotation) for rotation in model.rotation])
     limited = model.limited

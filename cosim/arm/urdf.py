@@ -1,8 +1,8 @@
 """A URDF file as a tree of links and joints, with every fault of the file.
 
-Elements are read by urdf_parser_py, ROS's own parser: it is strict where others invent numbers (yourdfpy and urchin give
-a missing inertia the value 1), says where an element is wrong, and needs no meshes and no scene graph. It is handed one
-element at a time, so that all faults are found, not the first. The only module that imports it.
+Elements are read by urdf_parser_py, ROS's own parser: it is strict where others invent numbers (yourdfpy and urchin
+give a missing inertia the value 1), says where an element is wrong, and needs no meshes and no scene graph. It is
+handed one element at a time, so that all faults are found, not the first. The only module that imports it.
 """
 
 import math
@@ -87,6 +87,7 @@ def read_urdf(path: Path | str) -> UrdfTree:
     """Read a URDF file. Raises InputError with every fault of it."""
     path = Path(path)
     root = _root(path)
+    _check_parser()
     problems: list[Problem] = []
     links = dict(_read_links(root, path.name, problems))
     joints = [joint for node in root.findall("joint") if (joint := _read_joint(node, path.name, problems))]
@@ -104,6 +105,14 @@ def read_urdf(path: Path | str) -> UrdfTree:
 # ---- the file ----
 
 
+def _check_parser() -> None:
+    from importlib.util import find_spec
+
+    if find_spec("urdf_parser_py") is None:
+        advice = "pip install 'haptic-cosim[robot]'"
+        raise InputError(Problem("reading a URDF", "the package urdf_parser_py", "an environment without it", advice))
+
+
 def _root(path: Path) -> ElementTree.Element:
     try:
         text = path.read_bytes()
@@ -117,7 +126,7 @@ def _root(path: Path) -> ElementTree.Element:
     if root.tag != "robot":
         got = _WRONG_ROOTS.get(root.tag, f"a file whose root is <{root.tag}>")
         raise InputError(Problem(str(path), "a URDF, whose root is <robot>", got))
-    if b"xacro" in text and any("xacro" in node.tag or _holds_macro(node) for node in root.iter()):
+    if b"xacro" in text and any(node.tag.startswith("{") or _holds_macro(node) for node in root.iter()):
         advice = "expand it first: xacro NAME.xacro > NAME.urdf (pip install xacro, or ROS), and give the URDF"
         raise InputError(Problem(str(path), "a URDF", "a xacro file, which is a program that writes one", advice))
     return root
@@ -128,7 +137,9 @@ def _holds_macro(node: ElementTree.Element) -> bool:
 
 
 def _strict(reader: Any, node: ElementTree.Element, where: str, problems: list[Problem]) -> Any:
-    """The element by urdf_parser_py, None where it refuses; what it does not know it tells stderr, which is left out."""
+    """The element by urdf_parser_py, None where it refuses; what it does not know it tells stderr, which is left
+    out.
+    """
     from urdf_parser_py.xml_reflection.core import ParseError
     from urdf_parser_py.xml_reflection.core import Path as Place
 

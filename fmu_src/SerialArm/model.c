@@ -118,13 +118,23 @@ static double commanded(Model *m, int k, int i) {
     return joint_delayed_command(&ring, 1 + k, present, m->last_time, m->time_delay[i]);
 }
 
-/* Torque commanded to the motors: tau + J' f_command, each as old as the joint's time_delay (N m). */
+/* Torque commanded to the motors: tau + J' f_command, each as old as the joint's time_delay (N m). No tip: no f_command. */
 static void commands(Model *m, const SerialTip *tip, double *torque) {
     for (int i = 0; i < count_of(m); i++) {
         double force[3];
+        torque[i] = commanded(m, i, i);
+        if (!tip) continue;
         for (int k = 0; k < 3; k++) force[k] = commanded(m, SERIAL_MOST + k, i);
-        torque[i] = commanded(m, i, i) + dot(tip->column[i], force);
+        torque[i] += dot(tip->column[i], force);
     }
+}
+
+/* What the amplifier of joint i gives; a plain joint's has its limit only (N m). */
+static double amplified(const Model *m, int i, double command) {
+    const double limit = m->torque_saturation[i];
+    if (m->plain != 0) return limit > 0 ? real_clamp(command, -limit, limit) : command;
+    const Joint j = joint_of(m, i);
+    return joint_delivered(&j, command);
 }
 
 /* What the amplifiers would deliver without lag (N m). */
@@ -143,10 +153,7 @@ static void delivered(Model *m, const SerialPose *pose, const SerialTip *tip, do
         nominal_gravity(m, pose, own);
         for (int i = 0; i < n; i++) torque[i] += own[i];
     }
-    for (int i = 0; i < n && m->plain == 0; i++) {
-        const Joint j = joint_of(m, i);
-        torque[i] = joint_delivered(&j, torque[i]);
-    }
+    for (int i = 0; i < n; i++) torque[i] = amplified(m, i, torque[i]);
 }
 
 /* ---- joints ---- */
@@ -240,20 +247,32 @@ static void clear_derivatives(Model *m) {
     memset(m->der_dq_motor, 0, sizeof m->der_dq_motor);
 }
 
+/* Whether a force acts on the tip or is commanded there: without one the tip need not be known. */
+static int tip_matters(const Model *m) {
+    return m->impedance != 0 || m->contact_stiffness > 0 || m->delays != 0 || some(m->f, 3) || some(m->f_command, 3);
+}
+
+/* J' (f + f_contact), added to `torque` (N m). */
+static void add_outside(const Model *m, const SerialTip *tip, double *torque) {
+    double force[3] = {0, 0, 0}, outside[SERIAL_MOST];
+    if (m->contact_stiffness > 0) contact_force(m, tip, force);
+    for (int k = 0; k < 3; k++) force[k] += m->f[k];
+    serial_torque_of_force(count_of(m), tip, force, outside);
+    for (int i = 0; i < count_of(m); i++) torque[i] += outside[i];
+}
+
 /* M ddq = joint torques + J' (f + f_contact) - C dq - N */
 static void derivatives(Model *m, double t) {
-    const int n = count_of(m);
-    double torque[SERIAL_MOST], outside[SERIAL_MOST], force[3], contact[3] = {0, 0, 0};
+    const int n = count_of(m), forced = tip_matters(m);
+    double torque[SERIAL_MOST];
     SerialPose pose;
     SerialTip tip;
     clear_derivatives(m);
     if (m->domain == 0) return;
-    look(m, m->q_link, &pose, &tip);
-    joint_torques(m, &pose, &tip, t, torque);
-    if (m->contact_stiffness > 0) contact_force(m, &tip, contact);
-    for (int k = 0; k < 3; k++) force[k] = m->f[k] + contact[k];
-    serial_torque_of_force(n, &tip, force, outside);
-    for (int i = 0; i < n; i++) torque[i] += outside[i];
+    serial_pose(n, m->joint_type, links_of(m), m->q_link, &pose);
+    if (forced) serial_tip(n, m->joint_type, &pose, m->offset, &tip);
+    joint_torques(m, &pose, forced ? &tip : NULL, t, torque);
+    if (forced) add_outside(m, &tip, torque);
     memcpy(m->der_q_link, m->dq_link, (size_t)n * sizeof(double));
     if (!serial_forward(n, m->joint_type, links_of(m), &pose, m->link_armature, m->pull, m->dq_link, torque, m->ddq)) {
         m->indefinite = 1;
@@ -357,7 +376,8 @@ static void set_shortcuts(Model *m) {
     double length = 0;
     m->plain = 1;
     for (int i = 0; i < count_of(m); i++) {
-        const Joint j = joint_of(m, i);
+        Joint j = joint_of(m, i);
+        j.torque_saturation = 0;
         if (!joint_is_plain(&j)) m->plain = 0;
     }
     for (int k = 0; k < 3; k++) length += m->contact_normal[k] * m->contact_normal[k];

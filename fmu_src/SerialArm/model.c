@@ -15,8 +15,10 @@
 #define ARM_STATES (8 * JOINTS)
 #define ARM_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
 
+/* Joints that are there; the range of `joints` again, so that a compiler knows it. */
 static int count_of(const Model *m) {
-    return (int)m->joints;
+    const int n = (int)m->joints;
+    return n < 1 ? 1 : n > JOINTS ? JOINTS : n;
 }
 
 static const SerialLink *links_of(const Model *m) {

@@ -152,8 +152,9 @@ static inline void serial_add_mass(SerialLink *link, real mass, const real p[3])
 
 /* Revolute: R Rz(q) and place; prismatic: R and place + z q. */
 static inline void serial_pose(int n, const double *type, const SerialLink *link, const real *q, SerialPose *pose) {
-    real s[SERIAL_MOST], c[SERIAL_MOST];
-    for (int i = 0; i < n; i += 3) sincos_each(n - i < 3 ? n - i : 3, q + i, s + i, c + i);
+    real angle[SERIAL_MOST], s[SERIAL_MOST], c[SERIAL_MOST];
+    for (int i = 0; i < SERIAL_MOST; i++) angle[i] = i < n && !serial_slides(type[i]) ? q[i] : real_of(0.0);
+    for (int i = 0; i < n; i += 3) sincos_each(3, angle + i, s + i, c + i);
     for (int i = 0; i < n; i++) {
         const real *r = link[i].rotation;
         const int slides = serial_slides(type[i]);

@@ -69,7 +69,7 @@ def _joint(robot: Robot, i: int) -> dict[str, object]:
         "name": model.joints[i],
         "type": model.kinds[i].value,
         "origin": model.origin[i].tolist(),
-        "rpy": roll_pitch_yaw(model.rotation[i]).tolist(),
+        "rpy": (roll_pitch_yaw(model.rotation[i]) + 0.0).tolist(),
         "axis": model.axis[i].tolist(),
         "lower": finite(model.lower[i]),
         "upper": finite(model.upper[i]),

@@ -55,7 +55,7 @@ class SerialModel:
     coulomb: np.ndarray = field(converter=_fixed)
     armature: np.ndarray = field(converter=_fixed)
     tip: np.ndarray = field(converter=_fixed)
-    gravity: np.ndarray = field(converter=_fixed, default=(0.0, 0.0, -9.81))
+    gravity: np.ndarray = field(converter=_fixed, factory=lambda: np.array([0.0, 0.0, -9.81]))
 
     @property
     def count(self) -> int:

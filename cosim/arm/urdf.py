@@ -64,7 +64,7 @@ class UrdfJoint:
         if self.kind == "prismatic":
             return self.rotation, self.origin + self.rotation @ self.axis * q
         if self.kind in ("revolute", "continuous"):
-            return self.rotation @ about(self.axis, np.float64(q)), self.origin
+            return self.rotation @ about(self.axis, np.array(q)), self.origin
         return self.rotation, self.origin
 
 
@@ -232,7 +232,7 @@ def _read_joint(node: ElementTree.Element, file: str, problems: list[Problem]) -
     if len(problems) > found:
         return None
     limit, dynamics = read.limit, read.dynamics
-    bounded = limit is not None and kind in ("revolute", "prismatic")
+    bounds = limit if kind in ("revolute", "prismatic") else None
     return UrdfJoint(
         name=read.name,
         kind=kind,
@@ -241,8 +241,8 @@ def _read_joint(node: ElementTree.Element, file: str, problems: list[Problem]) -
         rotation=turn(rpy),
         origin=xyz,
         axis=axis / np.linalg.norm(axis) if kind in MOVING else axis,
-        lower=_number(limit.lower, 0.0) if bounded else None,
-        upper=_number(limit.upper, 0.0) if bounded else None,
+        lower=_number(bounds.lower, 0.0) if bounds is not None else None,
+        upper=_number(bounds.upper, 0.0) if bounds is not None else None,
         effort=_number(limit.effort) if limit is not None else None,
         speed=_number(limit.velocity) if limit is not None else None,
         damping=_number(dynamics.damping, 0.0) if dynamics is not None else 0.0,

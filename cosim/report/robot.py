@@ -3,7 +3,9 @@
 import numpy as np
 
 from cosim.arm.robot import Robot, finite
-from cosim.report.canvas import BLUE, ORANGE, figure, to_svg
+from cosim.arm.serial_kinematics import frames, tip_position
+from cosim.arm.serial_table import home
+from cosim.report.canvas import BLACK, BLUE, ORANGE, figure, to_svg
 from cosim.report.html import Code, Figure, Report, Section, Table
 
 SHOWN = 1500
@@ -16,7 +18,7 @@ def robot_report(robot: Robot, command: str = "") -> Report:
     parts = [_chain(robot), _bodies(robot), _workspace(robot), _masses(robot)]
     if arm.locked or arm.doubts:
         parts.insert(2, _doubts(robot))
-    origin = {"URDF": str(robot.source), "robot": model.name, "base": arm.chain.base}
+    origin: dict[str, object] = {"URDF": str(robot.source), "robot": model.name, "base": arm.chain.base}
     origin |= {"tip": f"{arm.chain.tip} ({arm.chain.why})"}
     if command:
         origin["command"] = command
@@ -30,8 +32,8 @@ def robot_sentences(robot: Robot) -> list[str]:
     kinds = [kind.value for kind in model.kinds]
     counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
     lines = [
-        f"{robot.name}: {model.count} moving joints ({counts}) from {arm.chain.base} to {arm.chain.tip}; the tip is "
-        f"{arm.chain.why}. They move {model.mass.sum():.4g} kg."
+        f"{robot.name}: {counted(model.count, 'moving joint')} ({counts}) from {arm.chain.base} to {arm.chain.tip}; "
+        f"the tip is {arm.chain.why}. What moves weighs {model.mass.sum():.4g} kg."
     ]
     if arm.locked:
         places = ", ".join(f"{j.name} {j.why}" if j.position else j.name for j in arm.locked[:6])
@@ -42,6 +44,11 @@ def robot_sentences(robot: Robot) -> list[str]:
             f"{len(arm.doubts)} doubtful: {'; '.join(arm.doubts[:3])}{'; ...' if len(arm.doubts) > 3 else ''}."
         )
     return lines
+
+
+def counted(count: int, thing: str) -> str:
+    """1 joint, 7 joints."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 def _chain(robot: Robot) -> Section:
@@ -108,10 +115,10 @@ def _workspace(robot: Robot) -> Section:
     still = 100 * float((seen.dexterity < 0.05).mean())
     text = (
         f"{seen.poses} random poses inside the joint limits (a whole turn where there are none; collisions are "
-        f"not looked at). In {still:.0f} % of them the tip moves in one direction 20 times less than in another: near a "
-        "singular pose."
+        f"not looked at). In {still:.0f} % of them the tip moves in one direction 20 times less than in another: near "
+        "a singular pose."
     )
-    caption = "Tips seen from above and from the side; orange: near a singular pose."
+    caption = "Tips seen from above and from the side; orange: near a singular pose. Black: the arm where it starts."
     return Section(
         "Workspace", text, [Table(("axis", "from [m]", "to [m]"), rows, digits=4)], [Figure(_tips(robot), caption)]
     )
@@ -120,13 +127,21 @@ def _workspace(robot: Robot) -> Section:
 def _tips(robot: Robot) -> str:
     seen = robot.survey
     tips, singular = seen.tips[:SHOWN], seen.dexterity[:SHOWN] < 0.05
+    bones = _bones(robot)
     fig, axes = figure(1, 2, width=9.0, height=4.4)
     for axis, (i, j) in zip(axes[0], ((0, 1), (0, 2)), strict=True):
         for chosen, colour in ((~singular, BLUE), (singular, ORANGE)):
             axis.plot(tips[chosen, i], tips[chosen, j], ".", ms=2.5, color=colour, alpha=0.6, rasterized=True)
-        axis.plot(0, 0, "k+", ms=9)
+        axis.plot(*bones[:, [i, j]].T, color=BLACK, lw=1.8, marker="o", ms=3)
         axis.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal")
     return to_svg(fig)
+
+
+def _bones(robot: Robot) -> np.ndarray:
+    """Base, joints and tip of the arm where it starts (n + 2, 3) [m]."""
+    model = robot.arm.model
+    start = home(model)
+    return np.vstack([np.zeros(3), frames(model, start).origin, tip_position(model, start)])
 
 
 def _masses(robot: Robot) -> Section:

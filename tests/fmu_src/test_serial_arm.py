@@ -236,7 +236,7 @@ def test_in_device_impedance_pulls_the_tip():
     jacobian = kinematics.tip_jacobian(model, q)
     force = stiffness * (target - kinematics.tip_position(model, q)) - damping * (jacobian @ dq)
     found = accelerations(arm, q, dq, x_ref=target, f_command=[0.5, 0.6, 0.7])
-    expected = dynamics.forward_dynamics(model, q, dq, jacobian.T @ (force + [0.5, 0.6, 0.7]))
+    expected = dynamics.forward_dynamics(model, q, dq, jacobian.T @ (force + np.array([0.5, 0.6, 0.7])))
     assert apart(found, expected) < 1e-11
 
 

@@ -1,5 +1,5 @@
-"""SerialArm as FMUs: cut to the joints of one arm, the same bits in FMI 2 and 3 and without FMI, saved states, other start values,
-linearisation."""
+"""SerialArm as FMUs: cut to the joints of one arm, the same bits in FMI 2 and 3 and without FMI, saved states, other
+start values, linearisation."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,9 @@ def same(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def test_fmi_2_and_fmi_3_and_plain_c_give_the_same_bits(model):
-    """The plain one is the table of twelve joints with nine unused, by the system's compiler: cutting changes no bit."""
+    """The plain one is the table of twelve joints with nine unused, by the system's compiler: cutting changes no
+    bit.
+    """
     u = np.random.default_rng(1).standard_normal((60, COUNT))
     two, three = drive(importer(model, 2), u), drive(importer(model, 3), u)
     plain = compiled(model, internal_steps=4.0, gravity_compensation=1.0, payload=0.1, **EFFECTS).start()

@@ -49,7 +49,7 @@ def _room(table: ModelTable) -> int:
 
 
 def _shorter(size: int | None, room: int, joints: int) -> int | None:
-    return size // room * joints if size and size % room == 0 else size
+    return size // room * joints if isinstance(size, int) and size % room == 0 else size
 
 
 def _cut_row(v: ModelVariable, room: int, joints: int) -> ModelVariable:

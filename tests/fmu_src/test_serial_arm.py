@@ -67,6 +67,13 @@ def test_c_and_numpy_agree_for_any_arm(count, slide):
         assert (arm["q"][:count] == q).all() and (arm["x_tip"] == arm["x"]).all()
 
 
+def test_a_rotor_counts_by_the_square_of_its_gear():
+    model = made_arm(3, 6)
+    geared = compiled(model, rotor_inertia=model.armature / 2500, gear_ratio=[50.0, -50.0, 50.0]).start()
+    q, dq = np.full(3, 0.3), np.full(3, -0.4)
+    assert apart(accelerations(geared, q, dq, tau=0.3), accelerations(compiled(model).start(), q, dq, tau=0.3)) < 1e-14
+
+
 def test_unused_rows_are_inert():
     model = made_arm(3, 5)
     arm = compiled(model, internal_steps=2.0)

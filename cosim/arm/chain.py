@@ -30,7 +30,7 @@ def pick_chain(tree: UrdfTree, base: str | None = None, tip: str | None = None) 
     are longer than what they share (a robot with two arms), the tip must be named. Raises InputError for a link that
     is not there, a tip that is not on the base, a joint that no serial arm has, too few or too many joints.
     """
-    file = tree.source
+    file = tree.file
     unknown = [
         Problem(f"{option} of {file}", "a link of the robot", repr(link), did_you_mean(link, tree.links))
         for option, link in (("--base", base), ("--tip", tip))
@@ -54,7 +54,7 @@ def _path(tree: UrdfTree, base: str, tip: str) -> list[UrdfJoint]:
     while link != base:
         if link not in carrier:
             advice = "exchange them, or name another base"
-            raise InputError(Problem(f"--tip of {tree.source}", f"a link that hangs on {base!r}", repr(tip), advice))
+            raise InputError(Problem(f"--tip of {tree.file}", f"a link that hangs on {base!r}", repr(tip), advice))
         path.append(carrier[link])
         link = carrier[link].parent
     return path[::-1]
@@ -67,7 +67,9 @@ def _longest(tree: UrdfTree, base: str) -> Chain:
     common = _shared(longest)
     if _moving(common) < most - _moving(common):
         advice = f"name one with --tip, say {' or '.join(_tips(longest, len(common)))}"
-        raise InputError(Problem(tree.source, "one arm", f"{len(longest)} chains of {most} moving joints", advice))
+        raise InputError(
+            Problem(tree.file, "one arm", f"{len(longest)} chains with {most} moving joint{'s' * (most > 1)}", advice)
+        )
     tip = common[-1].child if common else base
     if len(longest) == 1:
         return Chain(base, tip, common, "the end of the longest chain")

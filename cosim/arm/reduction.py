@@ -130,14 +130,14 @@ def _body_faults(tree: UrdfTree, clusters: list[_Cluster]) -> Iterable[Problem]:
     """Of the links that the arm carries; what else the robot has does not matter to it."""
     for name in (name for cluster in clusters for name in cluster.places):
         for expected, got, advice in tree.links[name].faults():
-            yield Problem(f"{tree.source}, link {name!r}, <inertial>", expected, got, advice)
+            yield Problem(f"{tree.file}, link {name!r}, <inertial>", expected, got, advice)
 
 
 def _check_inertia(model: SerialModel, tree: UrdfTree) -> None:
     """Raises InputError where a joint moves nothing, or where M is not positive definite."""
     for i, name in enumerate(model.joints):
         if not model.mass[i:].any() and not model.inertia[i:].any():
-            where = f"{tree.source}, joint {name!r}"
+            where = f"{tree.file}, joint {name!r}"
             advice = "give the links <inertial>, or end the arm before it with --tip"
             raise InputError(Problem(where, "links with mass or inertia beyond it", "none", advice))
     q = model.poses(POSES, 1)
@@ -154,7 +154,7 @@ def _check_inertia(model: SerialModel, tree: UrdfTree) -> None:
         pose, joint = q[worst[0]], int(worst[1])
     got = f"one that is not at q = {', '.join(f'{v:.3g}' for v in pose)}; smallest at joint {model.joints[joint]!r}"
     advice = "look at the masses and inertias of the last links"
-    raise InputError(Problem(tree.source, "a mass matrix that is positive definite in every pose", got, advice))
+    raise InputError(Problem(tree.file, "a mass matrix that is positive definite in every pose", got, advice))
 
 
 def _link_doubts(tree: UrdfTree, clusters: list[_Cluster]) -> list[str]:

@@ -1,11 +1,12 @@
 """A URDF file as a tree of links and joints, with every fault of the file.
 
-Elements are read by urdf_parser_py, ROS's own parser: it is strict where others invent numbers (yourdfpy and urchin
-give a missing inertia the value 1), says where an element is wrong, and needs no meshes and no scene graph. It is
+Elements are read by urdf_parser_py, ROS's own parser: it is strict where others invent numbers (yourdfpy gives a
+missing moment of inertia the value 1), says where an element is wrong, and needs no meshes and no scene graph. It is
 handed one element at a time, so that all faults are found, not the first. The only module that imports it.
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import redirect_stderr
@@ -25,6 +26,7 @@ from cosim.errors import InputError, Problem, did_you_mean
 MOVING = ("revolute", "continuous", "prismatic")
 REFUSED = ("planar", "floating")
 KNOWN = (*MOVING, *REFUSED, "fixed")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _WRONG_ROOTS = {
     "sdf": "an SDF file; export the model as URDF, or convert it (sdformat: `gz sdf -p` goes the other way only)",
     "mujoco": "a MuJoCo model (MJCF); give the URDF that it was made from",
@@ -78,6 +80,11 @@ class UrdfTree:
     joints: tuple[UrdfJoint, ...] = field(converter=tuple)
     root: str = ""
 
+    @property
+    def file(self) -> str:
+        """Name of the file, for messages."""
+        return Path(self.source).name
+
     def below(self, link: str) -> list[UrdfJoint]:
         """Joints that hang on a link."""
         return [joint for joint in self.joints if joint.parent == link]
@@ -126,14 +133,15 @@ def _root(path: Path) -> ElementTree.Element:
     if root.tag != "robot":
         got = _WRONG_ROOTS.get(root.tag, f"a file whose root is <{root.tag}>")
         raise InputError(Problem(str(path), "a URDF, whose root is <robot>", got))
-    if b"xacro" in text and any(node.tag.startswith("{") or _holds_macro(node) for node in root.iter()):
+    if b"<xacro:" in _COMMENT.sub(b"", text) or any(_holds_macro(node) for node in root.iter()):
         advice = "expand it first: xacro NAME.xacro > NAME.urdf (pip install xacro, or ROS), and give the URDF"
         raise InputError(Problem(str(path), "a URDF", "a xacro file, which is a program that writes one", advice))
     return root
 
 
 def _holds_macro(node: ElementTree.Element) -> bool:
-    return any("${" in value or "$(" in value for value in node.attrib.values()) and node.tag != "mesh"
+    """An expression that xacro would work out. Paths of meshes may hold others' variables."""
+    return node.tag != "mesh" and any("${" in value for value in node.attrib.values())
 
 
 def _strict(reader: Any, node: ElementTree.Element, where: str, problems: list[Problem]) -> Any:

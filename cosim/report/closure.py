@@ -36,7 +36,7 @@ def page(closure: Closure) -> Report:
         [s for s in made if s is not None],
         {
             "recordings": ", ".join(closure.recording.files),
-            "device": closure.recording.device.word,
+            "device": closure.recording.device,
             "filter": _filter(closure),
         },
         MOODS[closure.verdict.answer],
@@ -55,9 +55,9 @@ def _unit(closure: Closure) -> str:
 
 
 def _models(closure: Closure) -> tuple[Model, Model] | None:
-    if closure.before is None or closure.selection is None:
+    if closure.selection is None:
         return None
-    return closure.before, closure.verdict.models()[1]
+    return closure.before, closure.verdict.best
 
 
 def error_figure(closure: Closure) -> MplFigure:
@@ -240,13 +240,13 @@ def _parameters(closure: Closure) -> Section | None:
         (
             f.name,
             f.joints,
-            f"{label}{' (effective)' * (label in effective(f))}",
+            f"{name}{' (effective)' * (name in effective(f))}",
             value,
-            f"{f.interval[label][0]:.4g} to {f.interval[label][1]:.4g}",
+            f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}",
             f.effect.equation,
         )
         for f in closure.verdict.findings
-        for label, value in f.parameters.items()
+        for name, value in f.parameters.items()
     ]
     if not rows:
         return None
@@ -352,7 +352,7 @@ def _replay(closure: Closure) -> Section | None:
     header = ("joint", "torque before [%]", "torque after [%]", "95 % interval", "position before", "position after")
     figures = (
         []
-        if not len(r.time)
+        if r.time is None
         else [Figure(plots.replayed(r.time, r.tau, r.tau_before, r.tau_after, labels, _unit(closure)))]
     )
     text = (

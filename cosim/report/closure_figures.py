@@ -27,8 +27,10 @@ def torque_before_after(
         right.plot(time[keep], after[j, keep], color=BLUE, lw=1.0, label="residual after")
         left.set_ylabel(f"{label} [{unit}]")
         if j == 0:
-            left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
-            right.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
+            (
+                left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1)),
+                right.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1)),
+            )
     for ax in axes[-1]:
         ax.set_xlabel("time [s], held-out rows")
     return to_svg(fig)

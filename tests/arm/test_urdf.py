@@ -65,7 +65,7 @@ TWO_ARMS = [
 FAULTS = {
     "no XML": ("<robot name='r'><link", ["XML", "line 1"]),
     "xacro": ('<robot xmlns:xacro="http://x"><xacro:arm/></robot>', ["xacro", "expand it first"]),
-    "xacro values": (GOOD.replace('"0.1 0 0"', '"${reach} 0 0"') + "<!-- xacro -->", ["xacro"]),
+    "xacro values": (GOOD.replace('"0.1 0 0"', '"${reach} 0 0"'), ["xacro"]),
     "another format": ("<sdf version='1.6'/>", ["SDF"]),
     "a MuJoCo model": ("<mujoco/>", ["MJCF"]),
     "another root": ("<html/>", ["<robot>", "<html>"]),

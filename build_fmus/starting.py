@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
+from build_fmus.arms import cut_like
 from build_fmus.build import BuildJob, build, check_platforms, header_token
 from build_fmus.cache import store
 from build_fmus.compiler import PLATFORMS
@@ -24,7 +25,8 @@ def start_values(fmu: Path, values: Mapping[str, StartValue], out: Path) -> Path
     name = description.get("modelName", "")
     if name not in models() or name == "Recording":
         raise BuildError(f"{fmu}: {name!r} is no model with start values of this package")
-    table = load_table(source_root() / name / "model.toml")
+    names = {variable.get("name") for variable in description.iter() if variable.get("name")}
+    table = cut_like(load_table(source_root() / name / "model.toml"), names)
     present = override(table, _present_values(description, version, table))
     if header_token(BuildJob(present, version, ())) != description.get("guid", description.get("instantiationToken")):
         raise BuildError(

@@ -30,6 +30,7 @@ HEAVY = {
     "rosbags": {"cosim.measured.ros"},
     "mcap": {"cosim.measured.ros"},
     "asammdf": {"cosim.measured.mdf"},
+    "urdf_parser_py": {"cosim.arm.urdf"},
     "pandas": {"cosim.results.frames", "cosim.api"},  # in annotations only
     "xarray": {"cosim.results.frames", "cosim.api"},
 }

@@ -25,6 +25,7 @@ COMMANDS = {
     "identify": "Taati's identification from measured data",
     "close-loop": "residual, missing effect, effect added, error before and after",
     "arm": "the arm itself: workspace, dissect, counterbalance",
+    "robot": "any serial arm from its URDF: FMU, robot.json, report.html",
     "export": "FMUs and the wired system for other tools",
 }
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-
-from cosim.errors import InputError
 from cosim.stability.adversary import DelayLaw, coarser, destroying_law, under
 from cosim.stability.criteria import closed_form
 from cosim.stability.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
+
+from cosim.errors import InputError
 
 STEP = 0.002
 

@@ -5,13 +5,13 @@ from fractions import Fraction
 import attrs
 import numpy as np
 import pytest
-
-from cosim.errors import InputError
 from cosim.stability.certificate import Certificate, Multiplier, load, save
 from cosim.stability.criteria import closed_form
 from cosim.stability.delay_grid import DelayGrid, uniform_grid
 from cosim.stability.proof import positive_definite, require, verify
 from cosim.stability.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
+
+from cosim.errors import InputError
 
 pytest.importorskip("flint")
 SIDE = TipSide(mass=0.051, stiffness=0.25, damping=0.09)

@@ -10,13 +10,13 @@ import time
 from pathlib import Path
 
 import numpy as np
-
-from cosim.arm.dynamics import tip_inertia
-from cosim.arm.parameters import parameter_set
 from cosim.stability.any_delay import symmetric_verdict
 from cosim.stability.certificate import save
 from cosim.stability.criteria import closed_form
 from cosim.stability.sampled_loop import TipSide
+
+from cosim.arm.dynamics import tip_inertia
+from cosim.arm.parameters import parameter_set
 
 SETS = ("segment", "piecewise", "UR", "GCW", "FS", "USD", "USD+GCW")
 STIFFNESS, DAMPING, STEP, LIMIT = 0.25, 0.09, 0.001, 0.6

@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import cmp_using, field, frozen
 
+from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
-from cosim.stability.sampled_loop import SampledLoop
 
 _IMPROVEMENTS = 12
 _COARSE = 10

@@ -3,12 +3,12 @@
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.stability.adversary import DelayLaw, destroying_law
-from cosim.stability.certificate import Certificate
-from cosim.stability.delay_grid import uniform_grid
-from cosim.stability.multiplier import certify
-from cosim.stability.proof import verify
-from cosim.stability.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
+from cosim.analysis.adversary import DelayLaw, destroying_law
+from cosim.analysis.certificate import Certificate
+from cosim.analysis.delay_grid import uniform_grid
+from cosim.analysis.multiplier import certify
+from cosim.analysis.proof import verify
+from cosim.analysis.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
 
 INTERVALS = 8
 LIFTS = {4: 2}

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from attrs import cmp_using, field, frozen
 
+from cosim.analysis.delay_grid import DelayGrid
+from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
-from cosim.stability.delay_grid import DelayGrid
-from cosim.stability.sampled_loop import SampledLoop
 
 FORMAT = "haptic-cosim stability certificate 1"
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from cosim.analysis.certificate import Certificate, Multiplier
+from cosim.analysis.delay_grid import DelayGrid
+from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
-from cosim.stability.certificate import Certificate, Multiplier
-from cosim.stability.delay_grid import DelayGrid
-from cosim.stability.sampled_loop import SampledLoop
 
 _LEAST_MARGIN = 2e-6
 _ROUNDS = 15

@@ -11,9 +11,9 @@ from fractions import Fraction
 import numpy as np
 from attrs import frozen
 
+from cosim.analysis.certificate import Certificate, Multiplier
+from cosim.analysis.response import Response
 from cosim.errors import InputError, Problem
-from cosim.stability.certificate import Certificate, Multiplier
-from cosim.stability.response import Response
 
 _SMALLEST = 1e-9
 """Width of a frequency interval [rad/step] below which a certificate is given up."""

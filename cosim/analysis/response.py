@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from cosim.analysis.certificate import Certificate
 from cosim.errors import InputError, Problem
-from cosim.stability.certificate import Certificate
 
 _BITS = 80
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from cosim.stability.adversary import DelayLaw, coarser, destroying_law, under
-from cosim.stability.criteria import closed_form
-from cosim.stability.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
 
+from cosim.analysis.adversary import DelayLaw, coarser, destroying_law, under
+from cosim.analysis.criteria import closed_form
+from cosim.analysis.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
 from cosim.errors import InputError
 
 STEP = 0.002

@@ -5,12 +5,12 @@ from fractions import Fraction
 import attrs
 import numpy as np
 import pytest
-from cosim.stability.certificate import Certificate, Multiplier, load, save
-from cosim.stability.criteria import closed_form
-from cosim.stability.delay_grid import DelayGrid, uniform_grid
-from cosim.stability.proof import positive_definite, require, verify
-from cosim.stability.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
 
+from cosim.analysis.certificate import Certificate, Multiplier, load, save
+from cosim.analysis.criteria import closed_form
+from cosim.analysis.delay_grid import DelayGrid, uniform_grid
+from cosim.analysis.proof import positive_definite, require, verify
+from cosim.analysis.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
 from cosim.errors import InputError
 
 pytest.importorskip("flint")
@@ -22,7 +22,7 @@ STEP = 0.001
 def certificate() -> Certificate:
     """Equal sides of 51 g, independent laws up to 0.395 s (delay sum: 0.360 s)."""
     pytest.importorskip("cvxpy")
-    from cosim.stability.multiplier import certify
+    from cosim.analysis.multiplier import certify
 
     found = certify(axis_loop(SIDE, SIDE, STEP), uniform_grid(395, 8))
     assert found is not None
@@ -138,7 +138,7 @@ def test_a_certificate_of_another_loop_is_refused(certificate):
 def test_no_certificate_beyond_the_boundary_of_constant_delays():
     """144 g: a constant 0.390 s each way destroys the loop, so no multiplier may serve 0.392 s."""
     pytest.importorskip("cvxpy")
-    from cosim.stability.multiplier import certify
+    from cosim.analysis.multiplier import certify
 
     heavy = attrs.evolve(SIDE, mass=0.144)
     assert closed_form(heavy.mass, heavy.stiffness, heavy.damping) == pytest.approx(0.390, abs=5e-4)

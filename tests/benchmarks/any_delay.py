@@ -10,11 +10,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from cosim.stability.any_delay import symmetric_verdict
-from cosim.stability.certificate import save
-from cosim.stability.criteria import closed_form
-from cosim.stability.sampled_loop import TipSide
 
+from cosim.analysis.any_delay import symmetric_verdict
+from cosim.analysis.certificate import save
+from cosim.analysis.criteria import closed_form
+from cosim.analysis.sampled_loop import TipSide
 from cosim.arm.dynamics import tip_inertia
 from cosim.arm.parameters import parameter_set
 

@@ -111,10 +111,11 @@ class Payload(Effect):
 
     def columns(self, scene, joints, theta):
         from cosim.arm.dynamics import inverse_dynamics
+        from cosim.arm.kinematics import L1, L2
         from cosim.arm.segments import point_mass_pi
 
         m = scene.motion
-        torque = inverse_dynamics(point_mass_pi(1.0, _L1, _L2, scene.gravity), m.q, m.dq, m.ddq)
+        torque = inverse_dynamics(point_mass_pi(1.0, L1, L2, scene.gravity), m.q, m.dq, m.ddq)
         return {j: torque[:, [j]] for j in range(3)}
 
     def labels(self, joints, theta):
@@ -122,6 +123,3 @@ class Payload(Effect):
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         return "negative mass" if estimate.beta[0] < 0 else ""
-
-
-_L1, _L2 = 0.215, 0.170

@@ -115,7 +115,7 @@ def _bound(v: ModelVariable, bound: float | None) -> object:
 
 def _nominal(s: Scalar) -> str | None:
     """Declared where it is not the default of 1: the difference quotients scale with it."""
-    value = nominal(s.variable, s.index)
+    value = nominal(s)
     return None if s.variable.type != "Real" or value == 1.0 else repr(value)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from cosim.engine.initialisation import initial_sources, wired
 from cosim.engine.initialisation import initialise as initialise_in_python
-from cosim.engine.native import Arena
+from cosim.engine.native import Arena, NativeOperation, NativePhase, check_layout
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, RunProgress, blamed, interrupted, keep, marked, watched
 from cosim.engine.reference import execute as execute_in_python
@@ -114,7 +114,16 @@ def _library():
 
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
-    """A compiled fmu_src/executor with the types of its functions."""
+    """A compiled fmu_src/executor with the types of its functions. Raises ImportError where its structs are others."""
+    mirrors = {
+        "Operation": NativeOperation,
+        "Phase": NativePhase,
+        "Instance": _NativeInstance,
+        "Bank": _NativeBank,
+        "Start": _NativeStart,
+        "Job": _NativeExecution,
+    }
+    check_layout(library, mirrors)
     library.execute.argtypes = [POINTER(_NativeExecution), c_int64]
     library.initialise.argtypes = [POINTER(_NativeExecution), c_void_p, c_int64]
     library.execute.restype = library.initialise.restype = c_int

@@ -5,8 +5,8 @@ sees.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
-from ctypes import c_double, c_int64, c_void_p
+from collections.abc import Mapping, Sequence
+from ctypes import c_char_p, c_double, c_int64, c_void_p
 
 import numpy as np
 
@@ -14,6 +14,30 @@ from cosim.wiring.schedule import GetOutputs, Operation, Phase, SetInputs, Step,
 
 _SET, _STEP, _GET = range(3)
 _LINE = 128  # bytes: a cache line, and a vector of 16 lanes
+
+
+class _NativePlace(ctypes.Structure):
+    _fields_ = [("field", c_char_p), ("offset", c_int64)]
+
+
+def check_layout(library: ctypes.CDLL, mirrors: Mapping[str, type[ctypes.Structure]]) -> None:
+    """Compare structs that Python fills with those of a library, by their C names (fmu_src/shared/layout.h).
+
+    Raises ImportError with the first field that lies elsewhere: Python would write into the wrong places.
+    """
+    for name, mirror in mirrors.items():
+        table = getattr(library, f"layout_{name}")
+        table.restype = ctypes.POINTER(_NativePlace)
+        here = [(field[0], getattr(mirror, field[0]).offset) for field in mirror._fields_]
+        for k, (where, expected) in enumerate([*here, ("its end", ctypes.sizeof(mirror))]):
+            place = table()[k]
+            found = place.field.decode() if place.field else "its end"
+            if (found, place.offset) != (where, expected):
+                raise ImportError(
+                    f"{library._name}: struct {name}: expected {where} at byte {expected} ({mirror.__name__}), "
+                    f"got {found} at byte {place.offset}; C sources and Python are of different versions: "
+                    "install the package again"
+                )
 
 
 class NativeOperation(ctypes.Structure):

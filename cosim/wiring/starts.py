@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cache
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
@@ -43,10 +44,14 @@ def starts_of(
     return values
 
 
-_BUFFER = 8190
-"""Steps of delay that the buffer of fmu_src/VariableDelayChannel holds, whatever its semantics (see its README:
-Memory).
-"""
+@cache
+def _buffer() -> int:
+    """Steps of delay that the channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
+    Memory): one record each, beside those of the first input and of the present.
+    """
+    from build_fmus.sources import model_table
+
+    return model_table("VariableDelayChannel").shape("ring")[0] - 2
 
 
 def _outgrown(
@@ -57,13 +62,11 @@ def _outgrown(
     key = "delay_mean" if law == "constant" else "delay_max"
     delay = description.start(key, values)
     experiment = scenario.experiment
-    step = scenario.components[name].step_multiple * experiment.step
-    if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):
+    step, most = scenario.components[name].step_multiple * experiment.step, _buffer()
+    if law == "recorded" or min(delay, experiment.stop) <= most * step * (1 + 1e-9):
         return []
-    fits = f"at most {_BUFFER * step:g} s, {_BUFFER} steps of {step:g} s that the channel's buffer holds"
-    advice = (
-        f"take steps of {delay / _BUFFER:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
-    )
+    fits = f"at most {most * step:g} s, {most} steps of {step:g} s that the channel's buffer holds"
+    advice = f"take steps of {delay / most:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
     return [Problem(f"{scenario.name}: {name}.{key}", fits, f"{delay:g} s", advice)]
 
 

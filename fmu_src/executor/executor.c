@@ -10,13 +10,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "../shared/layout.h"
 #include "../shared/schedule.h"
-
-#if defined(_WIN32)
-#define EXPORTED __declspec(dllexport)
-#else
-#define EXPORTED __attribute__((visibility("default")))
-#endif
 
 typedef int (*Set2)(void *, const unsigned *, size_t, const double *);
 typedef int (*Get2)(void *, const unsigned *, size_t, double *);
@@ -34,64 +29,57 @@ typedef int (*SetAny3)(void *, const uint32_t *, size_t, const void *, size_t);
 
 enum { SET_INPUTS, SET_SLOPES, GET_OUTPUTS, DO_STEP }; /* which call of an instance */
 
+/* clang-format off */
+
 /* One instance. The functions of the FMI version that it does not have are NULL. */
-typedef struct {
-    void *instance;
-    Set2 set2;
-    Get2 get2;
-    Slopes2 slopes2;
-    Step2 step2;
-    Set3 set3;
-    Get3 get3;
-    Step3 step3;
-    const uint32_t *input_refs, *slope_refs, *output_refs;
-    const int *orders; /* FMI 2: the order of every slope, 1 */
-    double *inputs, *slopes, *outputs;
-    int64_t n_inputs, n_slopes, n_outputs;
-    int64_t offset;     /* place of its outputs in the store */
-    int64_t remembered; /* whether anything reads its previous outputs */
-    _Bool *event, *terminate, *early;
-    double *reached;
-} Instance;
+#define INSTANCE(FIELD) \
+    FIELD(void *, instance) \
+    FIELD(Set2, set2) FIELD(Get2, get2) FIELD(Slopes2, slopes2) FIELD(Step2, step2) \
+    FIELD(Set3, set3) FIELD(Get3, get3) FIELD(Step3, step3) \
+    FIELD(const uint32_t *, input_refs) FIELD(const uint32_t *, slope_refs) FIELD(const uint32_t *, output_refs) \
+    FIELD(const int *, orders) /* FMI 2: the order of every slope, 1 */ \
+    FIELD(double *, inputs) FIELD(double *, slopes) FIELD(double *, outputs) \
+    FIELD(int64_t, n_inputs) FIELD(int64_t, n_slopes) FIELD(int64_t, n_outputs) \
+    FIELD(int64_t, offset)     /* place of its outputs in the store */ \
+    FIELD(int64_t, remembered) /* whether anything reads its previous outputs */ \
+    FIELD(_Bool *, event) FIELD(_Bool *, terminate) FIELD(_Bool *, early) \
+    FIELD(double *, reached)
 
 /* Start values of one type behind one call. */
-typedef struct {
-    SetAny2 set2;
-    SetAny3 set3;
-    const uint32_t *refs;
-    const void *values;
-    int64_t n;
-} Bank;
+#define BANK(FIELD) \
+    FIELD(SetAny2, set2) FIELD(SetAny3, set3) \
+    FIELD(const uint32_t *, refs) FIELD(const void *, values) FIELD(int64_t, n)
 
 /* How an instance is started: reset where it ran before, start values, initialisation mode. */
-typedef struct {
-    Call reset;
-    Setup2 setup2;
-    Call enter2;
-    Enter3 enter3;
-    Call leave;
-    const Bank *banks;
-    int64_t n_banks;
-    const int64_t *source; /* places in the store of the instance's inputs */
-    int64_t fresh;
-} Start;
+#define START(FIELD) \
+    FIELD(Call, reset) FIELD(Setup2, setup2) FIELD(Call, enter2) FIELD(Enter3, enter3) FIELD(Call, leave) \
+    FIELD(const Bank *, banks) FIELD(int64_t, n_banks) \
+    FIELD(const int64_t *, source) /* places in the store of the instance's inputs */ \
+    FIELD(int64_t, fresh)
 
-typedef struct {
-    Instance *instances;
-    const Phase *phases;
-    int64_t n_phases;
-    double *store; /* [2 n_outputs]: current, then previous outputs (of remembered instances) */
-    int64_t n_outputs;
-    double *table; /* [rows][n_columns] */
-    int64_t n_columns, every;
-    int64_t row_start; /* first row that the table holds */
-    double step_ns, bound;
-    const int64_t *domain;
-    int64_t n_domain;
-    int64_t *mark; /* [2]: communication steps completed, component at work; true at any time, should an FMU crash */
-    /* answers */
-    int64_t call, status; /* of the call of that component that did not return 0 or 1 */
-} Job;
+/* A run. */
+#define JOB(FIELD) \
+    FIELD(Instance *, instances) \
+    FIELD(const Phase *, phases) FIELD(int64_t, n_phases) \
+    FIELD(double *, store) FIELD(int64_t, n_outputs) /* [2 n_outputs]: current, then previous (of remembered instances) */ \
+    FIELD(double *, table) FIELD(int64_t, n_columns) /* [rows][n_columns] */ \
+    FIELD(int64_t, every) \
+    FIELD(int64_t, row_start) /* first row that the table holds */ \
+    FIELD(double, step_ns) FIELD(double, bound) \
+    FIELD(const int64_t *, domain) FIELD(int64_t, n_domain) \
+    FIELD(int64_t *, mark) /* [2]: steps completed, component at work; true at any time, should an FMU crash */ \
+    FIELD(int64_t, call) FIELD(int64_t, status) /* answers: of the call of that component that did not return 0 or 1 */
+
+/* clang-format on */
+
+LAYOUT(Instance, INSTANCE)
+LAYOUT(Bank, BANK)
+LAYOUT(Start, START)
+LAYOUT(Job, JOB)
+LAYOUT_SHOWN(Instance, INSTANCE)
+LAYOUT_SHOWN(Bank, BANK)
+LAYOUT_SHOWN(Start, START)
+LAYOUT_SHOWN(Job, JOB)
 
 enum { DONE, CALL_FAILED, ENDED, OUT_OF_BOUNDS };
 

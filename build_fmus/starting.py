@@ -25,7 +25,7 @@ def start_values(fmu: Path, values: Mapping[str, StartValue], out: Path) -> Path
     name = description.get("modelName", "")
     if name not in models() or name == "Recording":
         raise BuildError(f"{fmu}: {name!r} is no model with start values of this package")
-    names = {name for variable in description.iter() if (name := variable.get("name"))}
+    names = {found for variable in description.iter() if (found := variable.get("name"))}
     table = cut_like(model_table(name), names)
     present = override(table, _present_values(description, version, table))
     token = token_of(source_files(BuildJob(present, version, ())))

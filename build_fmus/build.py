@@ -13,7 +13,7 @@ from build_fmus.documentation import index_html
 from build_fmus.errors import BadRequestError, BuildError
 from build_fmus.header import header
 from build_fmus.sources import GENERATED, licence, model_files, models, readme_of, source_root
-from build_fmus.table import ModelTable, load_table, override, suggestion
+from build_fmus.table import ModelTable, StartValue, load_table, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
 
 Progress = Callable[[str], None]
@@ -49,7 +49,7 @@ def fmu_path(
     fmi: int = 3,
     platforms: Sequence[str] | None = None,
     progress: Progress | None = None,
-    start: Mapping[str, float | list[float]] | None = None,
+    start: Mapping[str, StartValue] | None = None,
 ) -> Path:
     """The FMU of a model, from the cache or built now; `start`: other start values, compiled in and in the XML.
 
@@ -60,7 +60,7 @@ def fmu_path(
     table = load_table(source_root() / model / "model.toml")
     if table.model.name != model:
         raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
-    return build(BuildJob(override(table, dict(start)) if start else table, fmi, check_platforms(platforms)), progress)
+    return build(BuildJob(override(table, start) if start else table, fmi, check_platforms(platforms)), progress)
 
 
 def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:

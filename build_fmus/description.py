@@ -1,5 +1,6 @@
 """modelDescription.xml for FMI 2.0 and FMI 3.0, both from the variable table."""
 
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
 from build_fmus.header import nominal
@@ -19,6 +20,9 @@ LOG_CATEGORIES = {
 VARIABILITY = {"parameter": "fixed", "tunable": "tunable"}
 CAUSALITY = {"tunable": "parameter", "state": "local"}
 
+Dependencies = Callable[[ModelTable, Scalar], list[int]]
+"""Gives the value references that a variable depends on."""
+
 _BREAKS = {ord(c): f"&#{ord(c)};" for c in "\t\n\r"}  # a parser would make spaces of them
 
 
@@ -27,7 +31,7 @@ def describe(table: ModelTable, fmi: int, token: str) -> str:
     return _document2(table, token) if fmi == 2 else _document3(table, token)
 
 
-def element(tag: str, attributes: dict[str, object], children: list[str] = ()) -> str:
+def element(tag: str, attributes: Mapping[str, object], children: Sequence[str] = ()) -> str:
     """One XML element; attributes that are None are left out, children are indented."""
     text = "".join(f' {k}="{escape(_text(v)).translate(_BREAKS)}"' for k, v in attributes.items() if v is not None)
     if not children:
@@ -282,7 +286,7 @@ def _structure2(table: ModelTable) -> list[str]:
     return [element(tag, {}, [_unknown2(table, s, rule) for s in rows]) for tag, rows, rule in parts if rows]
 
 
-def _unknown2(table: ModelTable, s: Scalar, rule) -> str:
+def _unknown2(table: ModelTable, s: Scalar, rule: Dependencies) -> str:
     indices = " ".join(str(reference + 1) for reference in rule(table, s))
     return element("Unknown", {"index": s.reference + 1, "dependencies": indices})
 
@@ -443,5 +447,5 @@ def _structure3(table: ModelTable) -> list[str]:
     return [_unknown3(tag, table, s, rule) for tag, rows, rule in parts for s in rows]
 
 
-def _unknown3(tag: str, table: ModelTable, s: Scalar, rule) -> str:
+def _unknown3(tag: str, table: ModelTable, s: Scalar, rule: Dependencies) -> str:
     return element(tag, {"valueReference": s.reference, "dependencies": " ".join(map(str, rule(table, s)))})

@@ -28,9 +28,9 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
 
 
 def vectors() -> tuple[int, tuple[str, ...]]:
-    """How many lanes (REAL_LANES of fmu_src/shared/real.h) this machine runs best, and the compiler's flags for them;
-    the bits of a lane
-    do not depend on them.
+    """How many lanes (REAL_LANES of fmu_src/shared/real.h) suit this machine best, and the compiler flags for them.
+
+    The bits of a lane do not depend on either.
     """
     from numpy._core._multiarray_umath import __cpu_features__ as has
 

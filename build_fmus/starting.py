@@ -5,33 +5,34 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
+from build_fmus.arms import cut_like
 from build_fmus.build import BuildJob, build, check_platforms, header_token
 from build_fmus.cache import store
 from build_fmus.compiler import PLATFORMS
 from build_fmus.errors import BuildError
 from build_fmus.sources import models, source_root
-from build_fmus.table import ModelTable, load_table, override
+from build_fmus.table import ModelTable, StartValue, load_table, override
 
 
-def start_values(fmu: Path, values: Mapping[str, float | list[float]], out: Path) -> Path:
+def start_values(fmu: Path, values: Mapping[str, StartValue], out: Path) -> Path:
     """Write to `out` the FMU with other start values: by scalar ("coulomb[2]") or row ("coulomb": list or one number).
 
-    An importer that relies on the defaults does not set them, so they are compiled in: the FMU must be one of ours,
-    from
-    the same sources as the present ones. What it had of its own start values before stays. Raises BuildError.
+    The values are compiled in too, since an importer that relies on defaults does not set them. The FMU must therefore
+    be one of ours, built from the present sources. Start values that it had of its own are kept. Raises BuildError.
     """
     description, platforms = _read(Path(fmu))
     version = 2 if description.get("fmiVersion", "").startswith("2") else 3
     name = description.get("modelName", "")
     if name not in models() or name == "Recording":
         raise BuildError(f"{fmu}: {name!r} is no model with start values of this package")
-    table = load_table(source_root() / name / "model.toml")
+    names = {variable.get("name") for variable in description.iter() if variable.get("name")}
+    table = cut_like(load_table(source_root() / name / "model.toml"), names)
     present = override(table, _present_values(description, version, table))
     if header_token(BuildJob(present, version, ())) != description.get("guid", description.get("instantiationToken")):
         raise BuildError(
             f"{fmu} was built from other sources than the present ones; build it again with build-fmus {name}"
         )
-    job = BuildJob(override(present, dict(values)), version, check_platforms(platforms))
+    job = BuildJob(override(present, values), version, check_platforms(platforms))
     store(Path(out), build(job).read_bytes())
     return Path(out)
 
@@ -51,10 +52,10 @@ def _present_values(root: ElementTree.Element, version: int, table: ModelTable) 
     """{scalar name: start value} of what can be set, as in the XML."""
     settable = {s.name for s in table.of("input", "parameter", "tunable")}
     found = {}
-    for variable in root.find("ModelVariables"):
-        holder = variable[0] if version == 2 else variable
-        if variable.get("name") in settable and holder.get("start") is not None:
-            found[variable.get("name")] = _number(holder.get("start"))
+    for variable in root.iterfind("ModelVariables/*"):
+        name, start = variable.get("name", ""), (variable[0] if version == 2 else variable).get("start")
+        if name in settable and start is not None:
+            found[name] = _number(start)
     return found
 
 

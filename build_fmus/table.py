@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache, cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from build_fmus.units import exponents
 
 Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
 Type = Literal["Real", "Integer", "Boolean", "Enumeration"]
+StartValue = float | str | Sequence[float]
 SETTABLE = ("input", "parameter", "tunable")
 FMI_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?", re.ASCII)
 RESERVED = ("origin", "step", "text", "time")
@@ -285,8 +286,11 @@ def _check_links(v: ModelVariable, table: ModelTable) -> Iterable[str]:
         yield f"initial {v.initial!r} is not a parameter"
 
 
-def override(table: ModelTable, values: dict[str, float | list[float]]) -> ModelTable:
-    """The table with other start values; `values` by row ("coulomb": list) or scalar ("coulomb[2]": number)."""
+def override(table: ModelTable, values: Mapping[str, StartValue]) -> ModelTable:
+    """The table with other start values; `values` by row ("coulomb": list) or scalar ("coulomb[2]": number).
+
+    The items of an enumeration go by their names. Raises BadRequestError with every problem.
+    """
     rows = {v.name: v.starts for v in table.variable}
     problems = [p for name, value in values.items() if (p := _put(table, rows, name, value))]
     changed = evolve(table, variable=[_with_starts(v, rows[v.name]) for v in table.variable])
@@ -300,17 +304,22 @@ def _with_starts(v: ModelVariable, starts: list[float]) -> ModelVariable:
     return v if starts == v.starts else evolve(v, start=starts if v.size else starts[0])
 
 
-def _put(table: ModelTable, rows: dict[str, list[float]], name: str, value: float | list[float]) -> str:
+def _put(table: ModelTable, rows: dict[str, list[float]], name: str, value: StartValue) -> str:
     for v in table.variable:
         if v.causality not in SETTABLE:
             continue
         if v.name == name:
-            numbers = list(value) if isinstance(value, (list, tuple)) else [value] * v.width
+            if isinstance(value, Sequence) and not isinstance(value, str):
+                numbers: Sequence[float | str] = value
+            else:
+                numbers = [value] * v.width
             if len(numbers) != v.width:
                 return f"{name}: {len(numbers)} values for {v.width} scalars"
             rows[name] = [_number(v, n) for n in numbers]
             return ""
         if name in v.fmi_names:
+            if isinstance(value, Sequence) and not isinstance(value, str):
+                return f"{name}: {len(value)} values for one scalar"
             rows[v.name][v.fmi_names.index(name)] = _number(v, value)
             return ""
     known = [n for s in table.of(*SETTABLE) for n in (s.variable.name, s.name)]

@@ -3,7 +3,9 @@
 import math
 import zipfile
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 SCHEMAS = {
     "sources/buildDescription.xml": "fmi3BuildDescription.xsd",
@@ -41,18 +43,18 @@ def _twice(names: list[str]) -> list[str]:
     return sorted({name for name in names if names.count(name) > 1})
 
 
-def _out_of_range(description) -> Iterable[str]:
+def _out_of_range(description: Any) -> Iterable[str]:
     """A start value must be a number between the variable's min and max; an enumeration's must be one of its items."""
     for v in description.modelVariables:
         if v.start is None or v.type == "String":
             continue
-        start = float({"true": 1, "false": 0}.get(str(v.start), v.start))
+        start = float({"true": "1", "false": "0"}.get(str(v.start), str(v.start)))
         low, high = _range(v)
         if not (math.isfinite(start) and low <= start <= high):
             yield f"start value of {v.name} = {v.start} is outside {low} .. {high}"
 
 
-def _range(v) -> tuple[float, float]:
+def _range(v: Any) -> tuple[float, float]:
     if v.type == "Enumeration" and v.declaredType is not None and v.declaredType.items:
         values = [int(item.value) for item in v.declaredType.items]
         return min(values), max(values)
@@ -61,8 +63,8 @@ def _range(v) -> tuple[float, float]:
 
 def _against_schema(name: str, data: bytes) -> list[str]:
     import fmpy
-    from lxml import etree
 
+    etree: Any = import_module("lxml.etree")  # compiled, and without type information
     schema = etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "schema" / "fmi3" / SCHEMAS[name]))
     schema.validate(etree.fromstring(data))
     return [f"{name}: {error.message} (line {error.line})" for error in schema.error_log]

@@ -84,6 +84,12 @@ class FmuDescription:
             return [name]
         return list(self._vectors.get(name, ()))
 
+    def start(self, name: str, given: Mapping[str, float | str]) -> float:
+        """Start value of a numeric variable: the one that is given for it, else the FMU's own."""
+        value = given.get(name, self.variables[name].start)
+        assert value is not None, f"{self.model}.{name} has no start value"
+        return float(value)
+
     @cached_property
     def _vectors(self) -> dict[str, list[str]]:
         """Scalar names by stem, in the order of their indices."""

@@ -30,6 +30,7 @@ HEAVY = {
     "rosbags": {"cosim.measured.ros"},
     "mcap": {"cosim.measured.ros"},
     "asammdf": {"cosim.measured.mdf"},
+    "urdf_parser_py": {"cosim.arm.urdf"},
     "pandas": {"cosim.results.frames", "cosim.api"},  # in annotations only
     "xarray": {"cosim.results.frames", "cosim.api"},
 }
@@ -104,11 +105,11 @@ def test_rooms_and_floors():
     assert len(rooms) <= MOST_FLOORS
 
 
-@pytest.mark.parametrize("name", COSIM)
-def test_heavy_packages_have_one_home(name):
-    for what, _ in imports(MODULES[name]):
-        homes = HEAVY.get(what.partition(".")[0])
-        assert homes is None or name in homes or room(name) in homes, f"{name} imports {what}"
+def test_heavy_packages_have_one_home():
+    users = [(name, what.partition(".")[0]) for name in COSIM for what, _ in imports(MODULES[name])]
+    heavy = [(name, package) for name, package in users if package in HEAVY]
+    assert {package for _, package in heavy} >= {"fmpy", "control", "h5py", "matplotlib", "jinja2"}
+    assert not [(name, package) for name, package in heavy if not {name, room(name)} & HEAVY[package]]
 
 
 def test_the_homes_of_heavy_packages_are_there():
@@ -118,17 +119,19 @@ def test_the_homes_of_heavy_packages_are_there():
 @pytest.mark.parametrize("name", [n for n in COSIM if n.startswith("cosim.cli") or n in FACE])
 def test_commands_and_the_public_api_import_nothing_heavy_at_the_top(name):
     tree = MODULES[name]
-    heavy = {what for what, node in imports(tree) if node in tree.body and what.partition(".")[0] not in LIGHT}
-    assert not heavy
+    top = {what.partition(".")[0] for what, node in imports(tree) if node in tree.body}
+    assert top <= LIGHT
 
 
 def test_the_builder_does_not_know_cosim():
+    assert len(BUILDER) > 5
     for path, tree in BUILDER.items():
         assert not [what for what, _ in imports(tree) if what.partition(".")[0] == "cosim"], path
 
 
 def test_no_module_is_named_for_nothing():
     banned = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
+    assert len(MODULES) > 100
     assert not [name for name in MODULES if name.rpartition(".")[2] in banned]
 
 
@@ -153,4 +156,5 @@ def test_a_class_name_stands_for_one_thing():
 def test_names_are_those_of_the_field():
     """No word of the theatre or the office for a part of a program; an FMU instance is no slave."""
     banned = ("slave", "desk", "seat", "board", "staff", "stage", "bench", "carryout")
+    assert len(classes()) > 200
     assert not [place for name, places in classes().items() for place in places if any(word in name for word in banned)]

@@ -56,8 +56,10 @@ def sides(wiring: Wiring) -> tuple[CoupledSide, CoupledSide] | None:
     """The two coupled arms of a teleoperation scenario; None where it is none or an arm is coupled in another way."""
     if wiring.scenario.arms is None:
         return None
-    found = [_side(wiring, arm) for arm in wiring.scenario.arms]
-    return None if None in found or found[0].joint_space != found[1].joint_space else tuple(found)
+    local, remote = (_side(wiring, arm) for arm in wiring.scenario.arms)
+    if local is None or remote is None or local.joint_space != remote.joint_space:
+        return None
+    return local, remote
 
 
 def _side(wiring: Wiring, arm: str) -> CoupledSide | None:
@@ -82,11 +84,10 @@ class _LoopValues:
     """Start values of a component's parameters: the scenario's, else the FMU's own."""
 
     def __init__(self, wiring: Wiring, name: str) -> None:
-        self.description, self.starts = wiring.descriptions[name], wiring.starts[name]
+        self.wiring, self.name, self.description = wiring, name, wiring.descriptions[name]
 
     def vector(self, name: str) -> np.ndarray:
-        elements = self.description.elements(name)
-        return np.array([float(self.starts.get(e, self.description.variables[e].start)) for e in elements])
+        return np.array([self.wiring.start(self.name, element) for element in self.description.elements(name)])
 
     def item(self, name: str) -> str:
         return self.description.variables[name].items[int(self.vector(name)[0]) - 1]
@@ -127,14 +128,15 @@ def theory(wiring: Wiring, loop: LinearLoop) -> Theory:
     ones.
     """
     pair, family = sides(wiring), loop.family()
-    criteria = [c(coupling(pair), *loop.longest) for c in (delay_sum, sallam_eq10)] if pair and family else [None, None]
+    gains = coupling(pair) if pair and family else None
     return Theory(
         pose_of(wiring),
         loop.delays,
         loop.longest,
         loop.constant,
         pair,
-        *criteria,
+        delay_sum(gains, *loop.longest) if gains else None,
+        sallam_eq10(gains, *loop.longest) if gains else None,
         delay_law_bound(family) if family else None,
         _finite(abscissa(loop.system())) if complete(wiring) else None,
     )

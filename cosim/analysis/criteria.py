@@ -7,9 +7,10 @@ back [s]. `damping` below always means the effective one: the controller's B plu
 
 import numpy as np
 from attrs import field, frozen
+from numpy.typing import ArrayLike
 
 
-def _array(values) -> np.ndarray:
+def _array(values: ArrayLike) -> np.ndarray:
     return np.atleast_1d(np.asarray(values, float))
 
 

@@ -4,6 +4,7 @@ workspace.
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import ArrayLike
 
 from cosim.arm.kinematics import jacobian, radius
 from cosim.arm.workspace import Workspace
@@ -22,7 +23,7 @@ class LeastViscosity:
     pose: tuple[float, ...]
 
 
-def task_viscosity(viscous: np.ndarray, poses: np.ndarray) -> np.ndarray:
+def task_viscosity(viscous: ArrayLike, poses: np.ndarray) -> np.ndarray:
     """Least eigenvalue of J^-T diag(viscous) J^-1 at `poses` (..., 3) [N s/m]: power lost at the tip per squared speed.
 
     `viscous` (3,) [N m s/rad]; identified terms may be negative and then subtract.
@@ -33,7 +34,7 @@ def task_viscosity(viscous: np.ndarray, poses: np.ndarray) -> np.ndarray:
 
 
 def least_task_viscosity(
-    viscous: np.ndarray, workspace: Workspace | None = None, least_radius: float = LEAST_RADIUS, per_axis: int = 161
+    viscous: ArrayLike, workspace: Workspace | None = None, least_radius: float = LEAST_RADIUS, per_axis: int = 161
 ) -> LeastViscosity:
     """Minimum of `task_viscosity` over the workspace, by a grid in (q2, q3) refined three times round its best point.
 
@@ -43,7 +44,7 @@ def least_task_viscosity(
     if not np.any(viscous):
         return LeastViscosity(0.0, (0.0, 0.0, 0.0))
     low, high = np.array(workspace.low[1:]), np.array(workspace.high[1:])
-    best = None
+    best: LeastViscosity | None = None
     for _ in range(4):
         axes = [np.linspace(low[k], high[k], per_axis) for k in (0, 1)]
         q2, q3 = (grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
@@ -55,9 +56,10 @@ def least_task_viscosity(
             best = LeastViscosity(float(values[k]), tuple(float(angle) for angle in poses[k]))
         reach = 2.0 * (high - low) / (per_axis - 1)
         low, high = np.array(best.pose[1:]) - reach, np.array(best.pose[1:]) + reach
+    assert best is not None  # four grids have been searched
     return best
 
 
-def least_joint_viscosity(viscous: np.ndarray) -> LeastViscosity:
+def least_joint_viscosity(viscous: ArrayLike) -> LeastViscosity:
     """Least joint viscosity [N m s/rad]: what adds to the damping of a joint-space controller, at every pose."""
     return LeastViscosity(float(np.min(viscous)), ())

@@ -1,5 +1,6 @@
 """`stability.json`: criteria, spectrum, margins and simulation of a scenario side by side, in plain values."""
 
+from cosim.analysis.assessment import CoupledSide
 from cosim.analysis.comparison import Comparison
 from cosim.analysis.criteria import Criterion
 from cosim.analysis.margin import Margins
@@ -56,7 +57,7 @@ def notes(found: Comparison) -> list[str]:
     return said
 
 
-def _side(side) -> dict[str, object]:
+def _side(side: CoupledSide) -> dict[str, object]:
     unit = "N.m.s/rad" if side.joint_space else "N.s/m"
     return {
         "controller": side.damping.tolist(),

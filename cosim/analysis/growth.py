@@ -1,23 +1,23 @@
 """Growth rate of a small difference between two runs, with an interval: what stability means in a simulation.
 
-The difference y(t) of twin runs obeys the loop's variational equation, whatever the common forcing and delays are.
-Two estimators of its exponential rate are made:
+The difference y(t) of twin runs obeys the loop's variational equation, whatever forcing and delays they share. Its
+exponential rate is estimated in two ways:
 
-* modes: y is a sum of damped sinusoids (constant loop): poles by ESPRIT (Roy and Kailath 1989) on Hankel matrices of
-overlapping windows,
-  the least damped of those that carry the difference; the interval is the spread over windows.
-* envelope: no model (jitter, noise, loss): slope of log of |y| averaged over one period of the dominant oscillation,
-which makes the
-  envelope of one mode free of ripple; the interval is the spread over blocks.
+* modes: where the loop is constant, y is a sum of damped sinusoids. Their poles are found by ESPRIT (Roy and Kailath
+  1989) on Hankel matrices of overlapping windows; the least damped pole that carries part of the difference gives the
+  rate, the spread over the windows its interval.
+* envelope: no model, for jitter, noise and loss. The rate is the slope of log |y|, averaged over one period of the
+  dominant oscillation so that the envelope of a single mode has no ripple; the spread over blocks gives the interval.
 
-The envelope's is kept unless the modes' interval is at least five times narrower, which says that the modes explain
-the difference: picking the narrower of two comparable intervals would make intervals too narrow.
+The envelope's estimate is kept unless the interval of the modes is at least five times narrower, which shows that the
+modes explain the difference. To take the narrower of two comparable intervals would make intervals too narrow.
 """
 
 from functools import cache
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 _SAMPLES = 100
 _ROWS = 20
@@ -141,15 +141,17 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float 
     length = int(0.55 * (count - first))
     if length < 40:
         return None
-    rates: list[float] = []
+    modes: list[complex] = []
     for s in first + np.linspace(0, count - first - length, 3).astype(int):
         mode = dominant_mode(time[s : s + length], level[s : s + length])
         if mode is None:
             return None
-        rates.append(mode.real)
-        if 0.5 * _T95[2] * np.ptp(rates) >= limit:  # three values deviate by half their range at least
+        modes.append(mode)
+        if (
+            0.5 * _T95[2] * np.ptp([mode.real for mode in modes]) >= limit
+        ):  # three values deviate by half their range at least
             return None
-    rate, half = _interval(np.array(rates))
+    rate, half = _interval(np.array([mode.real for mode in modes]))
     # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by
     # sqrt(3).
     half = max(np.sqrt(3.0) * half, 1e-9)
@@ -160,7 +162,7 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float 
             rate,
             float(rate - half),
             float(rate + half),
-            float(abs(mode.imag)),
+            abs(modes[-1].imag),
             (float(time[first]), float(time[-1])),
             "modes",
         )
@@ -190,7 +192,7 @@ def _principal(signals: np.ndarray, keep: int = 4) -> np.ndarray:
     return u[:, :count] * s[:count]
 
 
-def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-6) -> np.ndarray:
+def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e-6) -> NDArray[np.complex128]:
     """Poles of a sum of exponentials by ESPRIT: shift invariance of the signal subspace of the block Hankel matrix.
 
     `signals` (n, c) sampled every `step` [s]; the channels stand side by side in the rows, so that modes of nearly
@@ -207,7 +209,8 @@ def poles(signals: np.ndarray, step: float, order: int = _ORDER, cut: float = 1e
     shift = np.linalg.lstsq(u[:-channels, :rank], u[channels:, :rank], rcond=None)[0]
     z = np.linalg.eigvals(shift)
     z = z[np.abs(z) > 1e-8]
-    return np.log(z.astype(complex)) / step
+    logarithms: NDArray[np.complex128] = np.log(z.astype(complex))
+    return logarithms / step
 
 
 def _left_singular(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -229,12 +232,12 @@ def _sketch(rows: int, columns: int) -> np.ndarray:
     return np.random.default_rng(0).standard_normal((rows, columns))
 
 
-def _shares(found: np.ndarray, signals: np.ndarray, step: float) -> np.ndarray:
+def _shares(found: NDArray[np.complex128], signals: np.ndarray, step: float) -> np.ndarray:
     """RMS that each pole contributes to `signals`, over the later half of the window; `found`: one of each conjugate
     pair.
     """
     exponents = np.outer(step * np.arange(len(signals)), found)
-    basis = np.exp(np.clip(exponents.real, -300, 300) + 1j * exponents.imag)
+    basis: NDArray[np.complex128] = np.exp(np.clip(exponents.real, -300, 300) + 1j * exponents.imag)
     power = basis.real**2 + basis.imag**2
     size = np.sqrt(power.sum(axis=0))
     columns = np.hstack([basis.real / size, basis.imag / size])

@@ -9,6 +9,7 @@ more than the age of the received sample; the spectrum with the age of every pat
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from attrs import field, frozen
@@ -19,7 +20,7 @@ from cosim.engine.reference import marked
 from cosim.errors import InputError, Problem, RunError
 from cosim.scenario import Scenario, with_parameters
 from cosim.signals import stem
-from cosim.wiring import Wiring
+from cosim.wiring import Link, Wiring
 
 CHANNEL = "VariableDelayChannel"
 
@@ -141,7 +142,7 @@ def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]
     return {n: _bounds(wiring, n) for n in wiring.scenario.components if wiring.descriptions[n].model == CHANNEL}
 
 
-def _linear(wiring: Wiring, name: str, instance) -> LinearFmu:
+def _linear(wiring: Wiring, name: str, instance: Any) -> LinearFmu:
     variables = wiring.descriptions[name].variables.values()
     rates = {v.derivative_of: v.name for v in variables if v.derivative_of}
     inputs = tuple(wiring.inputs(name))
@@ -176,12 +177,11 @@ def _channel(wiring: Wiring, name: str) -> LinearFmu:
 
 def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
     """Least, mean and greatest delay [s] of a channel, and whether it is constant."""
-    variables, starts = wiring.descriptions[name].variables, wiring.starts[name]
 
     def value(key: str) -> float:
-        return float(starts.get(key, variables[key].start))
+        return wiring.start(name, key)
 
-    law = variables["law"].items[int(value("law")) - 1]
+    law = wiring.descriptions[name].variables["law"].items[int(value("law")) - 1]
     loses = value("loss_good") > 0 or (value("loss_bad") > 0 and value("loss_to_bad") > 0)
     if law == "constant":
         mean = value("delay_mean")
@@ -250,7 +250,7 @@ def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
         total[way] = total.get(way, 0.0) + vector
 
 
-def _age(link, wiring: Wiring, ages: Mapping[str, float]) -> float:
+def _age(link: Link, wiring: Wiring, ages: Mapping[str, float]) -> float:
     """Age of the connection that the link is part of [s]."""
     for connection in wiring.scenario.connections:
         source, target = connection.source, connection.target
@@ -266,7 +266,7 @@ def _age(link, wiring: Wiring, ages: Mapping[str, float]) -> float:
 
 def _relevant(states: Sequence[str], terms: Mapping[Way, np.ndarray]) -> list[int]:
     """States that change and that act on something: effects that are absent leave states that do neither."""
-    total = sum(np.abs(matrix) for matrix in terms.values())
+    total = np.asarray(sum(np.abs(matrix) for matrix in terms.values()))
     kept = list(range(len(states)))
     while True:
         part = total[np.ix_(kept, kept)]

@@ -6,8 +6,11 @@ exact exponential at every frequency, never a Pade approximation. A free loop pa
 arms displaced together).
 """
 
+from typing import Any
+
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from cosim.analysis.spectrum import DelayFamily, _gains, root_bound
 
@@ -32,7 +35,7 @@ class Locus:
     """One characteristic locus L(i w): `frequency` (n,) [rad/s] and complex `response` (n,) [1]."""
 
     frequency: np.ndarray
-    response: np.ndarray
+    response: NDArray[np.complex128]
 
 
 def loci(family: DelayFamily, delay: float, samples: int = 1200) -> list[Locus]:
@@ -89,7 +92,7 @@ def margins(family: DelayFamily, delay: float) -> Margins:
     )
 
 
-def _response(locus: Locus):
+def _response(locus: Locus) -> Any:
     import control
 
     return control.frd(locus.response, locus.frequency, smooth=True)

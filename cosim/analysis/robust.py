@@ -1,5 +1,8 @@
 """A delay bound for the known plant that holds for every delay law below it, fast or slow: scaled small gain."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from cosim.analysis.spectrum import DelayFamily, abscissa, root_bound
@@ -57,27 +60,29 @@ def _response(family: DelayFamily, left: np.ndarray, right: np.ndarray, frequenc
     return s * (right @ inner)
 
 
-def _scaled_peak(response, grid: np.ndarray, blocks: np.ndarray) -> float:
+def _scaled_peak(response: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, blocks: np.ndarray) -> float:
     """min over scalings of max over frequency of the largest singular value; the peak is refined between grid
     points.
     """
-    from scipy.optimize import minimize_scalar
-
     on_grid = response(grid)
     apart = blocks[:, None] - blocks[None, :]
 
     def size(values: np.ndarray, log_scale: float) -> np.ndarray:
         return np.linalg.norm(values * np.exp(log_scale * apart), 2, axis=(1, 2))
 
-    best = minimize_scalar(
-        lambda x: float(size(on_grid, x).max()), bounds=(-4.0, 4.0), method="bounded", options={"xatol": 1e-4}
-    )
-    sizes = size(on_grid, best.x)
+    scale, _ = _least(lambda x: float(size(on_grid, x).max()), -4.0, 4.0, 1e-4)
+    sizes = size(on_grid, scale)
     peak = float(sizes.max())
     for k in np.argsort(-sizes)[:3]:
-        low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
-        finer = minimize_scalar(
-            lambda w: -float(size(response(np.array([w])), best.x)[0]), bounds=(low, high), method="bounded"
-        )
-        peak = max(peak, -float(finer.fun))
+        low, high = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, len(grid) - 1)])
+        _, finer = _least(lambda w: -float(size(response(np.array([w])), scale)[0]), low, high, 1e-5)
+        peak = max(peak, -finer)
     return peak
+
+
+def _least(function: Callable[[float], float], low: float, high: float, accuracy: float) -> tuple[float, float]:
+    """Where a function of one variable is least between two bounds, to an accuracy, and its value there (Brent)."""
+    from scipy.optimize import minimize_scalar
+
+    found: Any = minimize_scalar(function, bounds=(low, high), method="bounded", options={"xatol": accuracy})
+    return found.x, float(found.fun)

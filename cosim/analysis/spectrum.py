@@ -2,13 +2,28 @@
 matrix.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from attrs import field, frozen
+from numpy.typing import ArrayLike, NDArray
 
 _ORDERS = (10, 16, 24, 36, 54, 80, 120)
 _POLISH = 40
+
+
+def _one_delay_each(system: "DelaySystem", _: object, delays: tuple[float, ...]) -> None:
+    if len(delays) != len(system.matrices) or min(delays) < 0.0:
+        raise ValueError(f"one delay >= 0 for each of the {len(system.matrices)} matrices, not {delays}")
+
+
+def _matrices(terms: Iterable[ArrayLike]) -> tuple[np.ndarray, ...]:
+    return tuple(np.asarray(term, float) for term in terms)
+
+
+def _floats(delays: Iterable[float]) -> tuple[float, ...]:
+    return tuple(float(delay) for delay in delays)
 
 
 @frozen
@@ -19,13 +34,8 @@ class DelaySystem:
     may stand anywhere. Not for neutral systems: no delayed derivative.
     """
 
-    matrices: tuple[np.ndarray, ...] = field(converter=lambda terms: tuple(np.asarray(a, float) for a in terms))
-    delays: tuple[float, ...] = field(converter=lambda delays: tuple(float(d) for d in delays))
-
-    @delays.validator
-    def _check(self, _attribute, delays: tuple[float, ...]) -> None:
-        if len(delays) != len(self.matrices) or min(delays) < 0.0:
-            raise ValueError(f"one delay >= 0 for each of the {len(self.matrices)} matrices, not {delays}")
+    matrices: tuple[np.ndarray, ...] = field(converter=_matrices)
+    delays: tuple[float, ...] = field(converter=_floats, validator=_one_delay_each)
 
     @property
     def size(self) -> int:
@@ -98,7 +108,7 @@ def balanced(system: DelaySystem) -> DelaySystem:
     """The same spectrum with states scaled by powers of two, so that norms mean something (Parlett and Reinsch
     1969).
     """
-    total = sum(np.abs(matrix) for matrix in system.matrices)
+    total = np.asarray(sum(np.abs(matrix) for matrix in system.matrices))
     scale = np.ones(system.size)
     for _ in range(20):
         off = total * scale[None, :] / scale[:, None]
@@ -117,12 +127,11 @@ def balanced(system: DelaySystem) -> DelaySystem:
 def polish(system: DelaySystem, guess: complex) -> complex | None:
     """Newton correction of one root on the exact characteristic matrix; None where it does not converge.
 
-    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v, s <- s - lambda of least modulus, found as
-    the
-    largest 1 / lambda of Delta(s)^-1 Delta'(s). It stays quadratic on semisimple multiple roots, which equal axes
-    produce.
+    Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v and s <- s - lambda with the lambda of least
+    modulus, found as the largest 1 / lambda of Delta(s)^-1 Delta'(s). Convergence stays quadratic at semisimple
+    multiple roots, which equal axes produce.
     """
-    s = complex(guess)
+    s, step = complex(guess), complex(np.inf)
     for _ in range(_POLISH):
         if not np.isfinite(s) or -s.real * system.longest > 600.0:  # exp(-s tau) would overflow: far left, not sought
             return None
@@ -143,7 +152,7 @@ def polish(system: DelaySystem, guess: complex) -> complex | None:
     return s if abs(step) <= 1e-11 * max(1.0, abs(s)) else None
 
 
-def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: int = 4) -> np.ndarray:
+def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: int = 4) -> NDArray[np.complex128]:
     """Rightmost characteristic roots with real part >= `above` [1/s], polished, right to left; each conjugate pair
     once.
 
@@ -153,8 +162,9 @@ def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: 
     """
     scaled = balanced(system)
     if scaled.longest == 0.0:
-        found = np.linalg.eigvals(sum(scaled.matrices)).astype(complex)
+        found: NDArray[np.complex128] = np.linalg.eigvals(_added(scaled.matrices)).astype(complex)
         return _distinct(found[(found.imag >= 0) & (found.real >= above)])[:at_most]
+    polished: list[complex | None] = []
     for order in _ORDERS:
         guesses = _rightmost(scaled, order, above, at_most)
         polished = [polish(scaled, guess) for guess in guesses]
@@ -164,18 +174,18 @@ def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: 
     return _distinct(np.array(kept, complex))
 
 
-def _rightmost(system: DelaySystem, order: int, above: float, at_most: int) -> np.ndarray:
-    guesses = np.linalg.eigvals(generator(system, order)).astype(complex)
+def _rightmost(system: DelaySystem, order: int, above: float, at_most: int) -> NDArray[np.complex128]:
+    guesses: NDArray[np.complex128] = np.linalg.eigvals(generator(system, order)).astype(complex)
     guesses = guesses[(guesses.imag >= 0) & (guesses.real >= above - 1.0 / system.longest)]
     return guesses[np.argsort(-guesses.real)][:at_most]
 
 
-def _resolved(guesses: np.ndarray, polished: list[complex | None]) -> bool:
+def _resolved(guesses: NDArray[np.complex128], polished: list[complex | None]) -> bool:
     """True where Newton moved the collocation eigenvalues by less than 1e-6 relative."""
     return all(s is not None and abs(s - g) <= 1e-6 * max(abs(s), 1e-2) for g, s in zip(guesses, polished))
 
 
-def _distinct(found: np.ndarray) -> np.ndarray:
+def _distinct(found: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Right to left, without repetitions (roots closer than 1e-7 relative)."""
     kept: list[complex] = []
     for s in found[np.argsort(-found.real)]:
@@ -208,13 +218,13 @@ def _neutral(system: DelaySystem) -> int:
 
 def _frequency_scale(system: DelaySystem) -> float:
     """A frequency [rad/s] that is typical of the loop: the largest modulus of the roots without delay."""
-    return float(np.max(np.abs(np.linalg.eigvals(sum(system.matrices)))))
+    return float(np.max(np.abs(np.linalg.eigvals(_added(system.matrices)))))
 
 
 def root_bound(system: DelaySystem) -> float:
     """No root with Re s >= 0 has a modulus above this [1/s]: the norm of the sum of absolute terms, balanced."""
     scaled = balanced(system)
-    return float(np.linalg.norm(sum(np.abs(matrix) for matrix in scaled.matrices), 2))
+    return float(np.linalg.norm(_added(np.abs(matrix) for matrix in scaled.matrices), 2))
 
 
 def count_right(system: DelaySystem, real: float, samples: int = 4000) -> int:
@@ -242,7 +252,9 @@ def count_right(system: DelaySystem, real: float, samples: int = 4000) -> int:
     return round(-turned / np.pi)
 
 
-def _turn(value, low: float, high: float, at_low: complex, at_high: complex, depth: int) -> float:
+def _turn(
+    value: Callable[[float], complex], low: float, high: float, at_low: complex, at_high: complex, depth: int
+) -> float:
     angle = float(np.angle(at_high / at_low))
     if abs(angle) < 0.5 or depth == 0:
         return angle
@@ -279,26 +291,28 @@ def crossings(family: DelayFamily, samples: int = 3000) -> np.ndarray:
     fixed and channel terms; a root crosses where |z| = 1, at the delay T = -arg(z) / w. Solved on a logarithmic grid,
     each change of sign of |z| - 1 by Brent's method. Tangencies between grid points are missed.
     """
-    from scipy.optimize import brentq
-
     top = 1.05 * root_bound(family.at(0.0))
     grid = np.geomspace(1e-5 * top, top, samples)
     sizes = np.sort(np.abs(_gains(family, grid)), axis=1)
     found = []
     for k, branch in np.argwhere((sizes[:-1] - 1.0) * (sizes[1:] - 1.0) < 0.0):
-        w = brentq(
-            lambda w, b=branch: np.sort(np.abs(_gains(family, [w])[0]))[b] - 1.0,
-            grid[k],
-            grid[k + 1],
-            xtol=1e-300,
-            rtol=8.9e-16,
+        w = _zero(
+            lambda w, b=branch: float(np.sort(np.abs(_gains(family, [w])[0]))[b] - 1.0), *map(float, grid[k : k + 2])
         )
         values = _gains(family, [w])[0]
         found += [(w, float(np.angle(v) % (2.0 * np.pi)) / w) for v in values[np.abs(np.abs(values) - 1.0) < 1e-8]]
     return np.array(sorted(found, key=lambda pair: pair[1])).reshape(-1, 2)
 
 
-def _gains(family: DelayFamily, frequencies: np.ndarray) -> np.ndarray:
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function changes sign between two places, to the last digit (Brent's method)."""
+    from scipy.optimize import brentq
+
+    found: Any = brentq(function, low, high, xtol=1e-300, rtol=np.float64(8.9e-16))
+    return float(found)
+
+
+def _gains(family: DelayFamily, frequencies: ArrayLike) -> np.ndarray:
     """Values 1/z of det(i w I - F - z G) = 0, shape (len(w), n): eigenvalues of (i w I - F)^-1 G.
 
     A root crosses at |1/z| = 1 with exp(-i w T) = z, so T = arg(1/z) / w.
@@ -309,7 +323,12 @@ def _gains(family: DelayFamily, frequencies: np.ndarray) -> np.ndarray:
 
 
 def _sum(system: DelaySystem, s: np.ndarray) -> np.ndarray:
-    return sum(matrix * np.exp(-s * delay) for matrix, delay in zip(system.matrices, system.delays))
+    return _added(matrix * np.exp(-s * delay) for matrix, delay in zip(system.matrices, system.delays))
+
+
+def _added(terms: Iterable[np.ndarray]) -> np.ndarray:
+    """The sum of terms; zero where there are none."""
+    return np.asarray(sum(terms))
 
 
 def max_delay(family: DelayFamily) -> float:
@@ -348,7 +367,8 @@ def root_rate(family: DelayFamily, delay: float, s: complex) -> complex:
     from scipy.linalg import eig
 
     system = family.at(delay)
-    values, left, right = eig(system.characteristic(s), left=True)
+    solved: Any = eig(system.characteristic(s), left=True)  # what it returns depends on its options
+    values, left, right = solved
     k = int(np.argmin(np.abs(values)))
     u, v = left[:, k].conj(), right[:, k]
     by_delay = sum(s * b * np.exp(-s * (d + delay)) for b, d in zip(family.channel.matrices, family.channel.delays))

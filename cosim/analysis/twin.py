@@ -29,7 +29,7 @@ def twin_of(wiring: Wiring) -> Scenario | None:
     if not arms:
         return None
     changes = perturbation(arms)
-    starts = {path: wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0) for path in changes}
+    starts = {path: float(wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0)) for path in changes}
     return with_parameters(wiring.scenario, {path: starts[path] + change for path, change in changes.items()})
 
 

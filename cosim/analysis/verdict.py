@@ -11,6 +11,7 @@ import numpy as np
 from attrs import frozen
 
 from cosim.analysis.growth import Growth, growth, usable
+from cosim.engine.master import Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import stacked
 
@@ -53,7 +54,7 @@ def perturbation(arms: Mapping[str, int], size: float = PERTURBATION) -> dict[st
     return changes
 
 
-def judge(result, twin) -> GrowthVerdict:
+def judge(result: Result, twin: Result) -> GrowthVerdict:
     """Verdict on a run and its twin (results of the master: `outcome`, `time` (n,) [s], `signals`).
 
     The difference of the joint rates of all arms is followed, rates because the loop is neutral against a common
@@ -73,19 +74,19 @@ def judge(result, twin) -> GrowthVerdict:
     return _verdict(result, rates, found)
 
 
-def _verdict(result, rates: np.ndarray, found: Growth | None) -> GrowthVerdict:
+def _verdict(result: Result, rates: np.ndarray, found: Growth | None) -> GrowthVerdict:
     if found is None:
         return GrowthVerdict(_ended(result) or Outcome.INCONCLUSIVE, np.nan, (np.nan, np.nan))
     outcome = _ended(result) or outcome_of(found, result, rates)
     return GrowthVerdict(outcome, found.rate, (found.low, found.high), found.window, found.estimator, found.frequency)
 
 
-def _ended(result) -> Outcome | None:
+def _ended(result: Result) -> Outcome | None:
     """How the run itself ended, where that says more than the growth rate."""
     return result.outcome if result.outcome in _ENDED else None
 
 
-def outcome_of(found: Growth, result, rates: np.ndarray) -> Outcome:
+def outcome_of(found: Growth, result: Result, rates: np.ndarray) -> Outcome:
     """Sign of the growth rate, if its interval leaves zero; else what the motion itself shows. rates: all dq (n,
     channels).
     """
@@ -100,7 +101,7 @@ def outcome_of(found: Growth, result, rates: np.ndarray) -> Outcome:
     return Outcome.BOUNDED if narrow else Outcome.INCONCLUSIVE
 
 
-def self_sustained(result, rates: np.ndarray) -> bool:
+def self_sustained(result: Result, rates: np.ndarray) -> bool:
     """True where the motion has settled on an oscillation of its own: a limit cycle.
 
     In the last third of the run the operator's force is constant, the RMS of the joint rates stays the same within 3

@@ -90,12 +90,12 @@ class IdentificationResult:
     @property
     def parameters(self) -> dict[str, float]:
         """Values of the parameters by name."""
-        return {p.name: p.value for p in self.found.parameters}
+        return {str(p.label): p.value for p in self.found.parameters}
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals of the parameters by name."""
-        return {p.name: (float(p.interval[0]), float(p.interval[1])) for p in self.found.parameters}
+        return {str(p.label): (float(p.interval[0]), float(p.interval[1])) for p in self.found.parameters}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -131,7 +131,7 @@ class IdentificationResult:
         lines = [verdict(self.found)]
         for p in self.found.parameters:
             low, high = p.interval
-            lines.append(f"  {p.name:14s} {p.value: .6g}  [{low: .6g}, {high: .6g}] {p.unit}")
+            lines.append(f"  {p.label!s:14s} {p.value: .6g}  [{low: .6g}, {high: .6g}] {p.unit}")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -141,7 +141,8 @@ class IdentificationResult:
 
     def _repr_html_(self) -> str:
         rows = {
-            p.name: f"{p.value:.6g}  [{p.interval[0]:.6g}, {p.interval[1]:.6g}] {p.unit}" for p in self.found.parameters
+            str(p.label): f"{p.value:.6g}  [{p.interval[0]:.6g}, {p.interval[1]:.6g}] {p.unit}"
+            for p in self.found.parameters
         }
         return card(verdict(self.found), rows)
 

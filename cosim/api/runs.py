@@ -25,7 +25,7 @@ from cosim.results.saving import save_files, write_json
 from cosim.results.summary import Judged, simulated_time, summary
 from cosim.scenario import Scenario, draft, load_scenario
 from cosim.wiring import Wiring, check
-from cosim.wiring.starts import resolved_starts
+from cosim.wiring.wiring import resolved_starts
 
 if TYPE_CHECKING:
     import pandas

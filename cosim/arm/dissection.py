@@ -1,5 +1,7 @@
 """Which part of the dynamics a motion's torque comes from: Taati 4.1, Figs. 10 and 11."""
 
+from typing import Any
+
 import numpy as np
 from attrs import cmp_using, field, frozen
 
@@ -10,7 +12,7 @@ from cosim.arm.workspace import LINKED, Workspace
 TERMS = ("inertial", "Coriolis and centrifugal", "gravity", "viscous friction", "Coulomb friction")
 
 
-def _array():
+def _array() -> Any:
     return field(eq=cmp_using(np.array_equal))
 
 
@@ -44,7 +46,7 @@ class Waves:
 
     def scaled(self, factors: np.ndarray) -> "Waves":
         """The same waves with each joint's amplitudes times a factor (joints,)."""
-        return Waves(self.centre, self.frequency, self.amplitude * np.asarray(factors)[:, None], self.phase)
+        return Waves(self.centre, self.frequency, self.amplitude * factors[:, None], self.phase)
 
 
 CENTRE = (0.0, 0.35, 0.45)
@@ -71,9 +73,9 @@ def random_motion(seed: int = 1, duration: float = 40.0, peak: float = 3.5, work
     low, high = 0.0, 1.0
     for _ in range(30):
         middle = (low + high) / 2
-        inside = workspace.contains(waves.scaled((1.0, middle, middle)).motion(time).q).all()
+        inside = workspace.contains(waves.scaled(np.array([1.0, middle, middle])).motion(time).q).all()
         low, high = (middle, high) if inside else (low, middle)
-    return waves.scaled((1.0, low, low)).motion(time)
+    return waves.scaled(np.array([1.0, low, low])).motion(time)
 
 
 def sampled_motion(time: np.ndarray, q: np.ndarray, dq: np.ndarray) -> ArmMotion:

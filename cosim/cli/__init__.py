@@ -11,6 +11,10 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    import typer
 
 COMMANDS = {
     "list": "shipped scenarios and sweeps, one line each",
@@ -21,6 +25,7 @@ COMMANDS = {
     "identify": "Taati's identification from measured data",
     "close-loop": "residual, missing effect, effect added, error before and after",
     "arm": "the arm itself: workspace, dissect, counterbalance",
+    "robot": "any serial arm from its URDF: FMU, robot.json, report.html",
     "export": "FMUs and the wired system for other tools",
 }
 
@@ -59,7 +64,7 @@ def _repeated(words: list[str]) -> list[str]:
     return result
 
 
-def _app(name: str | None, debug: bool):
+def _app(name: str | None, debug: bool) -> "typer.Typer":
     """The typer app with the one command that was asked for, or with every command's one-line help."""
     import typer
 
@@ -83,7 +88,7 @@ def _nothing() -> None:
     """Stand in for a command whose module is not imported."""
 
 
-def _register(app, name: str, debug: bool) -> None:
+def _register(app: "typer.Typer", name: str, debug: bool) -> None:
     try:
         module = import_module(f"cosim.cli.{name.replace('-', '_')}")
     except ModuleNotFoundError as error:
@@ -99,7 +104,7 @@ def _register(app, name: str, debug: bool) -> None:
     app.add_typer(group, name=name, help=COMMANDS[name])
 
 
-def guarded(function: Callable, debug: bool) -> Callable:
+def guarded(function: Callable[..., object], debug: bool) -> Callable[..., object]:
     """The command with its exceptions as messages and exit codes; tracebacks pass only with `debug`."""
     from cosim.errors import InputError, RunError
 
@@ -117,12 +122,12 @@ def guarded(function: Callable, debug: bool) -> Callable:
     return command
 
 
-def _interrupted() -> None:
+def _interrupted() -> NoReturn:
     print("interrupted", file=sys.stderr)
     sys.exit(130)
 
 
-def _leave(error: Exception, code: int) -> None:
+def _leave(error: Exception, code: int) -> NoReturn:
     """One message on stderr, then out: the words of our own errors, the kind of the others."""
     from cosim.errors import InputError, RunError
 

@@ -95,6 +95,8 @@ class RunMeter:
 
     def tell(self, progress: "RunProgress") -> None:
         """Show how far the run is; a run that begins anew is the twin."""
+        if self.bar is None:
+            return
         if self.task is None or progress.done < self.last:
             label = self.name if self.task is None else f"{self.name}, twin for the growth rate"
             if self.task is not None:

@@ -1,9 +1,14 @@
 """`cosim show`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from cosim.scenario import Scenario
+    from cosim.signals import Variable
+    from cosim.wiring import Wiring
 
 
 def command(
@@ -19,7 +24,7 @@ def command(
     print("\n".join(_lines(prepare(scenario, set_ or [], effects))))
 
 
-def _lines(wiring) -> list[str]:
+def _lines(wiring: "Wiring") -> list[str]:
     """The wiring as lines of text."""
     scenario, experiment = wiring.scenario, wiring.scenario.experiment
     lines = [f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name]
@@ -51,7 +56,7 @@ def _lines(wiring) -> list[str]:
     return lines
 
 
-def _directions(wiring) -> list[str]:
+def _directions(wiring: "Wiring") -> list[str]:
     from cosim.wiring import direction_table
 
     rows = direction_table(wiring)
@@ -60,7 +65,7 @@ def _directions(wiring) -> list[str]:
     return ["", "added delay, summed along the way", *_columns([(what, _ms(age), way) for what, way, age in rows])]
 
 
-def _starts(wiring, name: str) -> str:
+def _starts(wiring: "Wiring", name: str) -> str:
     from cosim.wiring import vector_starts
 
     component = wiring.scenario.components[name]
@@ -74,7 +79,7 @@ def _starts(wiring, name: str) -> str:
     return ", ".join(shown)
 
 
-def _values(variable, values: list) -> str:
+def _values(variable: "Variable", values: list[float | str]) -> str:
     if variable.items:
         return variable.items[int(values[0]) - 1]
     texts = [f"{v:g}" if isinstance(v, (int, float)) else str(v) for v in values]
@@ -82,7 +87,7 @@ def _values(variable, values: list) -> str:
     return f"{text} {variable.unit.name}".rstrip() if variable.unit.name != "1" else text
 
 
-def _step(scenario, name: str) -> str:
+def _step(scenario: "Scenario", name: str) -> str:
     return f"{scenario.components[name].step_multiple * scenario.experiment.step * 1e3:g} ms"
 
 

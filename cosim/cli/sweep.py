@@ -2,9 +2,16 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.progress import Progress, TaskID
+
+    from cosim.sweeps.campaign import SweepProgress
 
 
 def command(
@@ -44,9 +51,11 @@ class _PointsMeter:
     """Points, rate and time left on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.bar, self.task, self.told = name, None, None, 0.0
+        self.name, self.told = name, 0.0
+        self.bar: Progress | None = None
+        self.task: TaskID | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> "Callable[[SweepProgress], None]":
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
@@ -62,15 +71,15 @@ class _PointsMeter:
             self.task = self.bar.add_task(self.name, words="")
         return self.tell
 
-    def tell(self, progress) -> None:
+    def tell(self, progress: "SweepProgress") -> None:
         """Show how far the sweep is; the number of points grows while a boundary is traced."""
         words = str(progress)
-        if self.bar is not None:
+        if self.bar is not None and self.task is not None:
             self.bar.update(self.task, completed=progress.done, total=progress.asked, words=words)
         elif progress.wall - self.told > 10.0:
             self.told = progress.wall
             print(f"{self.name}: {words}", file=sys.stderr)
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.bar is not None:
             self.bar.stop()

@@ -1,5 +1,5 @@
-"""What the data cannot tell from a chosen effect: other candidates in its place whose unseen error lies within one
-standard error.
+"""What the data cannot distinguish from a chosen effect: other candidates in its place whose unseen error lies within
+one standard error.
 """
 
 from collections.abc import Sequence
@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.model.candidates import screen
+from cosim.closure.model.candidates import Candidate, screen
+from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.model.unnamed import Dependence, faults, other_laws
 from cosim.closure.score.dependence import in_place
@@ -15,17 +16,16 @@ from cosim.closure.score.evidence import EffectEvidence, relative_error, student
 from cosim.closure.score.selection import Rule, polished
 from cosim.effects import Effect
 
-LISTED = 2  # alternatives named beside an effect; more are told in its evidence
+LISTED = 2  # alternatives named beside an effect; more stand in its evidence
 NEAR = 1.0  # standard errors
-# share of the chosen effect's gain from which on a rival counts as not told apart: the rest is form, not evidence
+# share of the chosen effect's gain from which on a rival counts as indistinguishable: the rest is form, not evidence
 REACHED = 0.92
 
 
 @frozen(eq=False)
 class Rival:
     """Another effect in the place of a chosen one: the fit with it, how much worse (in standard errors of the blocks),
-    and the share
-    of the chosen effect's gain that it reaches.
+    and the share of the chosen effect's gain that it reaches.
     """
 
     evidence: EffectEvidence
@@ -36,15 +36,13 @@ class Rival:
 def rivals(
     model: Model, number: int, effects: Sequence[Effect], rule: Rule, trials: int
 ) -> tuple[EffectEvidence, tuple[Rival, ...]]:
-    """Evidence for choice `number` beside the others, and its rivals, closest first (also those that the data do tell
-    apart).
-    """
+    """Evidence for choice `number` beside the others, and its rivals, closest first (also distinguishable ones)."""
     choice = model.choices[number]
     rest = with_choices(model, tuple(c for k, c in enumerate(model.choices) if k != number), passes=1)
     touched = set(model.columns[number])
     candidates = [c for c in screen(rest, effects, touched) if not c.untestable and not c.reason]
     own = next((c for c in candidates if c.choice.key == choice.key), None)
-    chosen = _replaced(model, number, choice, rest, trials, own)
+    chosen = _replaced(choice, rest, trials, own)
     least = 0.4 * max(own.gain if own else 0.0, rule.gain)
     out = []
     for candidate in candidates:
@@ -55,7 +53,7 @@ def rivals(
             or candidate.gain < least * _share(rest, choice, key[1])
         ):
             continue
-        other = _replaced(model, number, candidate.choice, rest, trials, candidate)
+        other = _replaced(candidate.choice, rest, trials, candidate)
         if not rule.refusal(other):
             if choice.effect.related(candidate.choice.effect):
                 other = evolve(
@@ -66,9 +64,10 @@ def rivals(
 
 
 def nameless_rival(model: Model, number: int) -> Dependence | None:
-    """What has no name and does as well as choice `number` in its place: another law of the effect's signal, or a fault
-    of drive or
-    encoder, which may also take the place of all choices of its joint. The best of them; None if none does as well.
+    """The best nameless function that does as well as choice `number` in its place; None if none does.
+
+    It is another law of the effect's signal, or a fault of drive or encoder, which may also take the place of all
+    choices of its joint.
     """
     (joint, *further), own = model.acting(number), model.choices[number]
     if further:
@@ -81,7 +80,11 @@ def nameless_rival(model: Model, number: int) -> Dependence | None:
     found += [polished(e.model, model.weight) for e in laws]  # as the named one has a friction law of its own
     error = _errors(model, joint)
     best, least = min(((m, _errors(m, joint)) for m in found), key=lambda pair: pair[1].sum(), default=(None, error))
-    return best.choices[-1].effect if best and student(least - error) <= NEAR else None
+    if best is None or student(least - error) > NEAR:
+        return None
+    effect = best.choices[-1].effect
+    assert isinstance(effect, Dependence), "faults and other laws have no name"
+    return effect
 
 
 def _errors(model: Model, joint: int) -> np.ndarray:
@@ -89,7 +92,7 @@ def _errors(model: Model, joint: int) -> np.ndarray:
     return np.concatenate([part[:, joint] for part in relative_error(model)])
 
 
-def _share(model: Model, choice, joints: tuple[int, ...]) -> float:
+def _share(model: Model, choice: ChosenEffect, joints: tuple[int, ...]) -> float:
     """How much of the squared error of `joints` lies on the joints of the choice: gains are shares of different
     errors.
     """
@@ -98,9 +101,7 @@ def _share(model: Model, choice, joints: tuple[int, ...]) -> float:
     return float(min(own / max(other, 1e-300), 1.0))
 
 
-def _replaced(model: Model, number: int, choice, rest: Model, trials: int, candidate) -> EffectEvidence:
-    from cosim.closure.model.candidates import Candidate
-
+def _replaced(choice: ChosenEffect, rest: Model, trials: int, candidate: Candidate | None) -> EffectEvidence:
     return weigh(rest, candidate or Candidate(choice, 0.0, np.zeros(0), 1), trials, passes=2)
 
 

@@ -1,30 +1,39 @@
-"""The loop closed with measured data: recording in, verdict with evidence out, in one pass of named stages."""
+"""The loop closed with measured data: from a recording to a verdict with its evidence."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.closure import effects_file
-from cosim.closure.data.motion import prepare, thinned
-from cosim.closure.data.setting import formulate
-from cosim.closure.model.model import ChosenEffect, Model, complete, with_choices
-from cosim.closure.refusal import circular, motion_refusals
+from cosim.closure.drive import StartValues, drive_of, effects_drive
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.model import Model, complete, with_choices
+from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
+from cosim.closure.model.setting import formulate
+from cosim.closure.refusal import Refusal, circular, motion_refusals
 from cosim.closure.score.dependence import beyond_noise
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
 from cosim.closure.score.selection import Rule, Selection, polished, select
 from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
-from cosim.measured import Recording
+from cosim.measured import Label, Recording
 
-POOR = 50.0  # RMS%: a model that leaves more than this of every joint's torque is no model to add effects to
-NO_BETTER = 0.99  # of the held-out error: a name that leaves more than this explains nothing
+if TYPE_CHECKING:
+    from cosim.closure.replay import Replay
+
+POOR = 50.0  # RMS%: a model that leaves more of every joint's torque is too poor to add effects to
+NO_BETTER = 0.99  # of the held-out error: names that leave more explain nothing
 
 
 @frozen
 class Options:
-    """The rule of the claims, the library, effects of an earlier pass, and who is told of progress."""
+    """The rule of the claims, the effects to look for, those of an earlier pass, whether to replay, and a function that
+    is called with what is being done.
+    """
 
     rule: Rule = Rule()
     effects: tuple[Effect, ...] = field(factory=library)
@@ -35,8 +44,10 @@ class Options:
 
 @frozen(eq=False)
 class Closure:
-    """Everything that was found. `before`: the model at the start (with the effects of an earlier pass), None where
-    refused early.
+    """Everything that was found.
+
+    before: the model at the start, with the effects of an earlier pass, None where refused early. values_before,
+    values_after: start values of the device's FMU with either model, effect_values those of the effects alone.
     """
 
     recording: Recording
@@ -45,37 +56,37 @@ class Closure:
     selection: Selection | None = None
     error: TorqueError | None = None
     floor: tuple[float | None, ...] = ()
-    replay: object = None
-    values_before: dict = field(factory=dict)
-    values_after: dict = field(factory=dict)
-    effect_values: dict = field(factory=dict)
+    replay: Replay | None = None
+    values_before: StartValues = field(factory=dict)
+    values_after: StartValues = field(factory=dict)
+    effect_values: StartValues = field(factory=dict)
     warnings: tuple[str, ...] = ()
 
 
 def close_loop(recording: Recording, options: Options = Options()) -> Closure:
-    """Residual, missing effect, effect added, error before and after on held-out rows."""
-    tell = options.progress
-    tell("smoothing and differentiating")
+    """Find the effects that the complete model lacks, add them, compare held-out errors before and after."""
+    progress = options.progress
+    progress("smoothing and differentiating")
     motion = prepare(recording)
     rows = thinned(motion)
     refusals = motion_refusals(motion, rows)
     if any(r.joint == 0 for r in refusals):
         return _refused(recording, refusals)
-    tell("fitting the complete model")
+    progress("fitting the complete model")
     before = complete(formulate(recording, motion, rows))
     refusals += circular(before)
     if refusals:
         return _refused(recording, refusals, before)
     if options.previous:
         before = polished(with_choices(before, options.previous))
-    tell("searching for missing effects")
-    selection = select(before, options.effects, options.rule, tell)
-    verdict = judge(selection, options.effects, options.rule, tell)
+    progress("searching for missing effects")
+    selection = select(before, options.effects, options.rule, progress)
+    verdict = judge(selection, options.effects, options.rule, progress)
     return _completed(recording, before, selection, verdict, options)
 
 
-def _refused(recording: Recording, refusals, before: Model | None = None) -> Closure:
-    texts = [f"joint {r.joint}: {r.reason}" if r.joint else r.reason for r in refusals]
+def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | None = None) -> Closure:
+    texts = tuple(f"joint {r.joint}: {r.reason}" if r.joint else r.reason for r in refusals)
     return Closure(
         recording, ClosureVerdict(Answer.REFUSED, warnings=texts), before, warnings=(*texts, *recording.warnings)
     )
@@ -84,36 +95,36 @@ def _refused(recording: Recording, refusals, before: Model | None = None) -> Clo
 def _completed(
     recording: Recording, before: Model, selection: Selection, verdict: ClosureVerdict, options: Options
 ) -> Closure:
-    """Errors, floor, replay and warnings around the verdict."""
+    """The closure of a verdict: errors, floor, replay and warnings are added."""
     verdict = _no_worse(verdict, before)
-    verdict = _without_names(verdict, before, torque_error(before, verdict.best))
-    error = torque_error(before, verdict.best)
-    values, own = [_values(recording, m) for m in (before, verdict.model)], _of_effects(verdict.model)
+    _, best = verdict.models()
+    verdict = _without_names(verdict, before, torque_error(before, best))
+    model, best = verdict.models()
     closure = Closure(
         recording,
         verdict,
         before,
         selection,
-        error,
+        torque_error(before, best),
         floor(before),
-        None,
-        values[0],
-        values[1],
-        effects_file.start_values(own, recording.device),
-        (*recording.warnings, *_warnings(before, verdict), *_ended(selection)),
+        values_before=_values(recording, before),
+        values_after=_values(recording, model),
+        effect_values=effects_drive(recording.device).start_values(_of_effects(model)),
+        warnings=(*recording.warnings, *_warnings(before, verdict), *_ended(selection)),
     )
     return _replayed(closure, options) if options.replayed else closure
 
 
 def _no_worse(verdict: ClosureVerdict, before: Model) -> ClosureVerdict:
-    """Nothing is added that makes held-out rows of its joints worse, with reversals and without; no names that make
-    them no better.
+    """The verdict without additions that make held-out rows of their joints worse, with reversals and without, and
+    without names that make them no better.
     """
-    if _worse(torque_error(verdict.model, verdict.best), {x.joint for x in verdict.leftovers}):
-        verdict = evolve(verdict, best=verdict.model)
+    model, best = verdict.models()
+    if _worse(torque_error(model, best), {x.joint for x in verdict.leftovers}):
+        verdict = evolve(verdict, best=model)
     earlier, new = ([f for f in verdict.findings if f.earlier is kind] for kind in (True, False))
     joints = {j - 1 for f in new for j in f.joints if not f.effect.of_time}
-    if joints and _worse(error := torque_error(before, verdict.model), joints, NO_BETTER):
+    if joints and _worse(error := torque_error(before, model), joints, NO_BETTER):
         text = "held-out rows are no better with it"
         withdrawn = (*verdict.withdrawn, *((f, text) for f in new))
         missing = verdict.leftovers or _worse(error, joints) or beyond_noise(before)
@@ -134,7 +145,7 @@ def _worse(error: TorqueError, joints: set[int], limit: float = 1.01) -> bool:
 
 
 def _without_names(verdict: ClosureVerdict, before: Model, error: TorqueError) -> ClosureVerdict:
-    """No names where even the best model leaves more than half of the torque of every joint."""
+    """The verdict, without names where the best model leaves more than half of every joint's torque unexplained."""
     least = min((e for e in error.after if np.isfinite(e)), default=0.0)
     if verdict.answer is Answer.REFUSED or least <= POOR:
         return verdict
@@ -151,33 +162,34 @@ def _without_names(verdict: ClosureVerdict, before: Model, error: TorqueError) -
     )
 
 
-def _values(recording: Recording, model: Model) -> dict:
-    """Start values of the drive's FMU for a model: rigid body, friction, effects. Empty for device "regressor".
+def _values(recording: Recording, model: Model) -> StartValues:
+    """Start values of the device's FMU for a model: rigid body, friction, effects. Empty where it has no FMU.
 
-    The FMU has the algebraic law and the tanh. A sign is a very narrow algebraic law. An atan is the algebraic law of
-    its width: its
-    slow tail fits rows in motion, and at reversals, which the fit leaves out, it is too soft (replay of EMPS,
-    unfiltered: 4.01 % against 3.95 %).
+    The FMU has the algebraic law and the tanh. A sign is a very narrow algebraic law. An atan becomes the algebraic law
+    of its width: its slow tail fits rows in motion, and at reversals, which the fit leaves out, it is too soft (replay
+    of EMPS, unfiltered: 4.01 % against 3.95 %).
     """
-    if recording.device == "regressor":
+    drive = drive_of(recording.device)
+    if drive is None:
         return {}
-    labels = dict(zip(model.names, map(float, model.fit.beta), strict=False))
-    if model.setting.declared_pi is not None:
-        labels |= {f"pi[{k + 1}]": float(v) for k, v in enumerate(model.setting.declared_pi)}
-    labels |= {f"coulomb_velocity[{j + 1}]": max(law.width, 1e-3 * _top(model, j)) for j, law in enumerate(model.laws)}
-    labels |= {f"coulomb_form[{j + 1}]": 1.0 for j, law in enumerate(model.laws) if law.form == "tanh"}
-    for name, value in _of_effects(model).items():
-        labels[name] = labels.get(name, 0.0) + value
-    return effects_file.start_values(labels, recording.device)
+    values = dict(zip(model.labels, map(float, model.fit.beta), strict=False))
+    if (declared := model.setting.body.declared) is not None:
+        values |= {Label("pi", k + 1): float(v) for k, v in enumerate(declared)}
+    for j, law in enumerate(model.laws):
+        values[Label.of_joint("coulomb_velocity", j)] = max(law.width, 1e-3 * _top(model, j))
+    values |= {Label.of_joint("coulomb_form", j): 1.0 for j, law in enumerate(model.laws) if law.form == "tanh"}
+    for label, value in _of_effects(model).items():
+        values[label] = values.get(label, 0.0) + value
+    return drive.start_values(values)
 
 
-def _of_effects(model: Model) -> dict[str, float]:
+def _of_effects(model: Model) -> dict[Label, float]:
     """Parameters of a model's effects; two that give the same one (an offset within a position torque) are added."""
-    out: dict[str, float] = {}
+    out: dict[Label, float] = {}
     for number, choice in enumerate(model.choices):
         if choice.effect.name != "unknown":
-            for name, value in intervals(model, number)[0].items():
-                out[name] = out.get(name, 0.0) + value
+            for label, value in intervals(model, number)[0].items():
+                out[label] = out.get(label, 0.0) + value
     return out
 
 
@@ -224,10 +236,8 @@ def _ended(selection: Selection) -> list[str]:
     ]
 
 
-def _range_warnings(motion) -> list[str]:
-    """Held-out rows that are faster than the fitted rows; the reader of the recording tells where their angles leave
-    the range.
-    """
+def _range_warnings(motion: SmoothedMotion) -> list[str]:
+    """Held-out rows that are faster than the fitted rows; positions are compared where the recording is read."""
     fitted, held = np.abs(motion.dq[~motion.test]), np.abs(motion.dq[motion.test])
     if not len(held):
         return []
@@ -238,19 +248,19 @@ def _range_warnings(motion) -> list[str]:
 
 def _replayed(closure: Closure, options: Options) -> Closure:
     """The recorded experiment as a co-simulation with both FMUs; a replay that fails is a warning."""
-    if closure.recording.device == "regressor":
+    if closure.before is None or drive_of(closure.recording.device) is None:
         return closure
     options.progress("replaying the experiment with both FMUs")
     from cosim.closure.replay import replay, without_hold
     from cosim.errors import InputError, RunError
 
-    step = closure.before.setting.motion.sample
+    motion = closure.before.setting.motion
     try:
         result = replay(
             closure.recording,
-            without_hold(closure.values_before, step),
-            without_hold(closure.values_after, step),
-            closure.before.setting.motion.widths.total,
+            without_hold(closure.values_before, motion.sample),
+            without_hold(closure.values_after, motion.sample),
+            motion.widths.total,
         )
     except (InputError, RunError) as error:
         return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))

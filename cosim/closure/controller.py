@@ -16,7 +16,7 @@ from cosim.measured.recording import Recording, Run
 
 SAMPLES = (1, 2, 3, 4)  # n of the velocity difference that are tried
 CUTOFFS = (0.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 150.0, 200.0)  # Hz, of L; 0: none
-CLOSE = 5.0  # %: a law that leaves more of the torque than this is not the recorded one
+CLOSE = 5.0  # %: a law that leaves more of the torque unexplained is not the recorded one
 PULSES = 2.0  # %: less than this is noise, not an input of its own
 
 
@@ -24,8 +24,8 @@ PULSES = 2.0  # %: less than this is noise, not an input of its own
 class RecordedController:
     """kp [N.m/rad], kd, kd_ref [N.m.s/rad], offset, weight_sin, weight_cos [N.m] of a joint (N, m of a prismatic one).
 
-    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the largest torque that the recording holds [N.m],
-    0 where it was never held at it; `left` the RMS% of torque that the law does not give on the rows it was found on.
+    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the torque limit [N.m], 0 where the
+    recording never rests at one; `left` the RMS% of torque that the law does not explain on the rows it was fitted on.
     """
 
     kp: float
@@ -41,10 +41,11 @@ class RecordedController:
 
     @property
     def gains(self) -> np.ndarray:
+        """The six coefficients of the law, in the order of its equation."""
         return np.array([self.kp, self.kd, self.kd_ref, self.offset, self.weight_sin, self.weight_cos])
 
     def torque(self, q_ref: np.ndarray, q: np.ndarray, step: float) -> np.ndarray:
-        """Torque (n,) of the law on a recorded reference and position (n,), before the limit."""
+        """Torque (n,) of the law for a recorded reference and position (n,), before the limit."""
         return _columns(q_ref, q, step, self.samples, self.cutoff) @ self.gains
 
     def feed(self, q_ref: np.ndarray, q: np.ndarray, step: float) -> np.ndarray:
@@ -71,12 +72,18 @@ def _best(runs: list[Run], ways: list[tuple[int, float]]) -> tuple[RecordedContr
 
 
 def injected(law: RecordedController, run: Run, joint: int) -> np.ndarray:
-    """Torque (n,) of a run that the law does not give (pulses); zero where it is as small as on the fitted rows."""
+    """Torque (n,) of a run that the law does not explain (pulses); zero where it is as small as on the fitted rows."""
     tau = run.tau[:, joint]
-    rest = tau - law.torque(run.q_ref[:, joint], run.q[:, joint], run.step)
+    rest = tau - law.torque(reference(run)[:, joint], run.q[:, joint], run.step)
     rest[: law.samples] = 0.0
     share = 100 * np.sqrt(np.mean(rest**2) / np.mean(tau**2))
     return rest if share > max(3 * law.left, PULSES) else np.zeros_like(rest)
+
+
+def reference(run: Run) -> np.ndarray:
+    """The recorded reference (n, nj) of a run that has one."""
+    assert run.q_ref is not None, "a law is only found in recordings with a reference"
+    return run.q_ref
 
 
 def _columns(q_ref: np.ndarray, q: np.ndarray, step: float, samples: int, cutoff: float) -> np.ndarray:
@@ -91,7 +98,7 @@ def low_passed(x: np.ndarray, step: float, cutoff: float) -> np.ndarray:
     from scipy.signal import lfilter
 
     keep = np.exp(-2 * np.pi * cutoff * step)
-    return lfilter([1 - keep], [1, -keep], x) if cutoff > 0 else x
+    return np.asarray(lfilter([1 - keep], [1, -keep], x)) if cutoff > 0 else x
 
 
 def difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
@@ -103,21 +110,22 @@ def difference(x: np.ndarray, step: float, samples: int) -> np.ndarray:
 def _fitted(runs: list[Run], joint: int, samples: int, cutoff: float) -> RecordedController:
     """Least squares on the rows that are off the limit; the terms beside the PD only where they are needed."""
     parts = [
-        (_columns(run.q_ref[:, joint], run.q[:, joint], run.step, samples, cutoff), run.tau[:, joint], run.train)
+        (_columns(reference(run)[:, joint], run.q[:, joint], run.step, samples, cutoff), run.tau[:, joint], run.train)
         for run in runs
     ]
     y = np.concatenate([y[samples:][train[samples:]] for y, _, train in parts])
     tau = np.concatenate([tau[samples:][train[samples:]] for _, tau, train in parts])
     limit = _limit(tau)
     free = np.abs(tau) < 0.999 * limit if limit else np.ones(len(tau), bool)
-    best = None
+    best, least = np.zeros(6), np.inf
     for kept in ([0, 1], [0, 1, 2], [0, 1, 2, 3, 4, 5]):
         gains = np.zeros(6)
         gains[kept] = _solve(y[free][:, kept], tau[free])
-        left = 100 * np.sqrt(np.mean((tau - y @ gains)[free] ** 2) / np.mean(tau**2))
-        if best is None or left < 0.9 * best[1] - 0.01:
-            best = gains, left
-    return RecordedController(*map(float, best[0]), samples, cutoff, limit, float(best[1]))
+        left = float(100 * np.sqrt(np.mean((tau - y @ gains)[free] ** 2) / np.mean(tau**2)))
+        if least == np.inf or left < 0.9 * least - 0.01:
+            best, least = gains, left
+    kp, kd, kd_ref, offset, weight_sin, weight_cos = best.tolist()
+    return RecordedController(kp, kd, kd_ref, offset, weight_sin, weight_cos, samples, cutoff, limit, least)
 
 
 def _solve(y: np.ndarray, tau: np.ndarray) -> np.ndarray:

@@ -1,6 +1,8 @@
 """The answer as closure.json has it, with evidence, and in a sentence or two."""
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -8,9 +10,10 @@ from cosim.closure.closure import Closure
 from cosim.closure.score.dependence import Leftover
 from cosim.closure.score.evidence import EffectEvidence
 from cosim.closure.verdict import Answer, NamedEffect
+from cosim.measured import Label
 
 
-def answer(closure: Closure) -> dict:
+def answer(closure: Closure) -> dict[str, Any]:
     """The whole answer as plain data for JSON."""
     verdict = closure.verdict
     return {
@@ -19,7 +22,7 @@ def answer(closure: Closure) -> dict:
         "torque_error": _torque(closure),
         "replay_error": _replay(closure),
         "warnings": list(closure.warnings),
-        "device": closure.recording.device,
+        "device": closure.recording.device.word,
         "joints": list(closure.recording.joints),
         "withdrawn": [{"name": f.name, "joints": list(f.joints), "reason": why} for f, why in verdict.withdrawn],
         "candidates": _candidates(closure),
@@ -29,8 +32,8 @@ def answer(closure: Closure) -> dict:
     }
 
 
-def evidence(e: EffectEvidence) -> dict:
-    """Numbers that carry a claim."""
+def evidence(e: EffectEvidence) -> dict[str, Any]:
+    """Numbers that support a claim."""
     return {
         "p_value": e.p,
         "squared_error_removed": {"fitted_blocks": e.gain_fit, "held_out_blocks": e.gain_held},
@@ -39,13 +42,13 @@ def evidence(e: EffectEvidence) -> dict:
     }
 
 
-def _finding(found: NamedEffect) -> dict:
+def _finding(found: NamedEffect) -> dict[str, Any]:
     return {
         "name": found.name,
         "joints": list(found.joints),
-        "parameters": dict(found.parameters),
-        "interval": {name: list(pair) for name, pair in found.interval.items()},
-        "effective": effective(found),
+        "parameters": {str(label): value for label, value in found.parameters.items()},
+        "interval": {str(label): list(pair) for label, pair in found.interval.items()},
+        "effective": [str(label) for label in effective(found)],
         "indistinguishable_from": list(found.aliases),
         "separated_by": found.separated_by,
         "evidence": evidence(found.evidence)
@@ -66,20 +69,17 @@ def _finding(found: NamedEffect) -> dict:
     }
 
 
-def effective(found: NamedEffect) -> list[str]:
-    """Parameters that hold more than their name says: smoothed motion hides how a link bounces between the sides of a
-    gap.
+def effective(found: NamedEffect) -> list[Label]:
+    """Parameters whose values contain more than their name says: smoothed motion hides how a link bounces between the
+    sides of a gap.
     """
-    return [
-        name
-        for name in found.parameters
-        if found.name == "backlash" and name.startswith(("joint_compliance", "joint_damping"))
-    ]
+    bouncing = ("joint_compliance", "joint_damping") if found.name == "backlash" else ()
+    return [label for label in found.parameters if label.name in bouncing]
 
 
-def _unknown(closure: Closure) -> list[dict]:
+def _unknown(closure: Closure) -> list[dict[str, Any]]:
     """What is left without a name: per joint the signals, strongest first."""
-    joints: dict[int, list] = {}
+    joints: dict[int, list[Leftover]] = {}
     for leftover in closure.verdict.leftovers:
         joints.setdefault(leftover.joint, []).append(leftover)
     out = []
@@ -107,7 +107,7 @@ def _unknown(closure: Closure) -> list[dict]:
     return out
 
 
-def _torque(closure: Closure) -> dict:
+def _torque(closure: Closure) -> dict[str, Any]:
     count = len(closure.recording.joints)
     e = closure.error
     if e is None:
@@ -134,7 +134,7 @@ def _torque(closure: Closure) -> dict:
     }
 
 
-def _replay(closure: Closure) -> dict | None:
+def _replay(closure: Closure) -> dict[str, Any] | None:
     r = closure.replay
     if r is None:
         return None
@@ -151,7 +151,7 @@ def _replay(closure: Closure) -> dict | None:
     }
 
 
-def _candidates(closure: Closure) -> list[dict]:
+def _candidates(closure: Closure) -> list[dict[str, Any]]:
     if closure.selection is None:
         return []
     out = []
@@ -163,7 +163,7 @@ def _candidates(closure: Closure) -> list[dict]:
     return out
 
 
-def _untestable(closure: Closure) -> list[dict]:
+def _untestable(closure: Closure) -> list[dict[str, Any]]:
     if closure.selection is None:
         return []
     return [
@@ -176,7 +176,7 @@ def _number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _numbers(values) -> list[float | None]:
+def _numbers(values: Iterable[float | None]) -> list[float | None]:
     return [_number(v) for v in values]
 
 
@@ -186,6 +186,7 @@ def sentence(closure: Closure) -> str:
     if verdict.answer is Answer.REFUSED:
         return f"refused: {'; '.join(verdict.warnings)}"
     error = closure.error
+    assert error is not None, "only a refusal has no torque error"
     pairs = zip(error.before, error.after, strict=True)
     change = ", ".join(f"{a:.2f} -> {b:.2f} %" if np.isfinite((a, b)).all() else "- (does not move)" for a, b in pairs)
     held = f"Held-out torque error per joint: {change}."
@@ -204,7 +205,7 @@ def sentence(closure: Closure) -> str:
 def _left(leftover: Leftover) -> str:
     signals = " and ".join(leftover.signals)
     if leftover.sure:
-        words = leftover.choice.effect.words
+        words = leftover.dependence.words
         return f"the residual of joint {leftover.joint + 1} depends on {signals}{words and f': {words}'}"
     return (
         f"joint {leftover.joint + 1} leaves more than its sensors' noise; no "
@@ -213,7 +214,7 @@ def _left(leftover: Leftover) -> str:
 
 
 def _named(found: NamedEffect) -> str:
-    where = "" if len(found.joints) > 1 else f" on joint {found.joints[0]}"
+    where = "" if len(found.joints) > 1 else f" on joint {', '.join(map(str, found.joints))}"
     others = ["an effect without a name" if name == "unknown" else name for name in found.aliases]
     aliases = f" (not told from {' or '.join(others)})" if others else ""
     return f"{found.name}{where}{aliases}"

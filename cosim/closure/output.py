@@ -1,4 +1,4 @@
-"""What `cosim close-loop` leaves beside its page: closure.json, effects.toml, the FMU with the effect."""
+"""What `cosim close-loop` writes beside its report: closure.json, effects.toml, the FMU with the effect."""
 
 import json
 from pathlib import Path
@@ -8,14 +8,14 @@ from attrs import evolve
 from cosim.closure import effects_file
 from cosim.closure.closure import Closure
 from cosim.closure.document import answer
-from cosim.closure.effects_file import stepped
+from cosim.closure.drive import drive_of, effects_drive, stepped
 
 USUAL_STEP = 1e-3  # s, communication step of the shipped scenarios
 
 
 def write(closure: Closure, folder: Path | str) -> Closure:
-    """Write all files, the FMUs last; the folder is made. Returns what was written: an FMU that cannot be built is one
-    more warning.
+    """Write all files, the FMUs last; the folder is made. Returns the closure as written: an FMU that cannot be built
+    is one more warning.
     """
     from build_fmus import BuildError
 
@@ -38,7 +38,8 @@ def write(closure: Closure, folder: Path | str) -> Closure:
 def _write_texts(closure: Closure, folder: Path) -> None:
     _write_answer(closure, folder, [])
     source = ", ".join(closure.recording.files)
-    text = effects_file.text(closure.verdict.findings, closure.recording.device, closure.effect_values, source)
+    model = effects_drive(closure.recording.device).model
+    text = effects_file.text(closure.verdict.findings, model, closure.effect_values, source)
     (folder / "effects.toml").write_text(text, encoding="utf-8")
 
 
@@ -48,27 +49,30 @@ def _write_answer(closure: Closure, folder: Path, fmus: list[str]) -> None:
 
 
 def _runnable(closure: Closure) -> Closure:
-    """Start values that run as they stand, at the step of the recording and at that of a scenario."""
+    """With internal steps that are stable at the step of the recording and at that of a scenario."""
     step = max(USUAL_STEP, *(run.step for run in closure.recording.runs))
-    kinds = ("values_before", "values_after", "effect_values")
-    return evolve(closure, **{kind: stepped(getattr(closure, kind), step) for kind in kinds})
+    return evolve(
+        closure,
+        values_before=stepped(closure.values_before, step),
+        values_after=stepped(closure.values_after, step),
+        effect_values=stepped(closure.effect_values, step),
+    )
 
 
 def write_fmu(closure: Closure, folder: Path) -> list[str]:
-    """The drive's FMU (FMI 2 and 3) whose start values hold the fitted model with its effects; none for device
-    "regressor".
+    """The device's FMU (FMI 2 and 3) with the fitted model and its effects as start values; none where it has no FMU.
 
     Raises BuildError where no FMU can have them; then there is none, not even that of an earlier call.
     """
-    if not closure.values_after:
+    drive = drive_of(closure.recording.device)
+    if drive is None or not closure.values_after:
         return []
     from build_fmus import fmu_path, start_values
 
-    model = "AxisDrive" if closure.recording.device == "axis" else "PhantomArm"
-    files = {version: folder / f"fmi{version}" / f"{model}.fmu" for version in (2, 3)}
+    files = {version: folder / f"fmi{version}" / f"{drive.model}.fmu" for version in (2, 3)}
     for out in files.values():
         out.parent.mkdir(exist_ok=True)
         out.unlink(missing_ok=True)
     for version, out in files.items():
-        start_values(fmu_path(model, version), closure.values_after, out)
+        start_values(fmu_path(drive.model, version), closure.values_after, out)
     return [str(out.relative_to(folder)) for out in files.values()]

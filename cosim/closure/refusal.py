@@ -5,14 +5,14 @@ model.
 import numpy as np
 from attrs import frozen
 
-from cosim.closure.data.motion import FitRows, SmoothedMotion
 from cosim.closure.model.model import Model
+from cosim.closure.model.motion import FitRows, SmoothedMotion
 
 SHORTEST = 4.0  # s of fitted rows
 FEWEST_BLOCKS = 8
-STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to show
-INERTIA = 0.01  # share of the torque that inertia has to make there
-EXACT = 1e-4  # residual as a share of the torque that no measurement reaches
+STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to be seen
+INERTIA = 0.01  # least share of the torque that is due to inertia there
+EXACT = 1e-4  # residual as a share of the torque that is too small for a measurement
 
 
 @frozen
@@ -24,7 +24,7 @@ class Refusal:
 
 
 def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
-    """No motion, none of a joint in what is fitted, too short, no torque."""
+    """Reasons in the data: too short, no motion, a joint that rests on all fitted rows, a constant torque."""
     out = []
     seconds = float((~motion.test).sum() * motion.step)
     if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
@@ -69,11 +69,13 @@ def circular(model: Model) -> list[Refusal]:
 
 
 def _static(model: Model, j: int) -> str:
-    """A function of angle and speed reproduces the torque, and inertia, though excited, makes no part of it."""
+    """Why the torque was computed from the state: a function of angle and speed reproduces it without inertia. Empty
+    where it was not.
+    """
     s = model.setting
     rows, m = s.rows, s.motion
     use = s.use[j] if s.use[j].sum() >= 200 else np.ones(len(rows.index), bool)
-    if use.sum() < 100 or s.device == "regressor":
+    if use.sum() < 100 or s.device.recorded_columns:
         return ""
     q, dq, ddq, tau = (rows.filtered(x[:, [j]], False)[use, 0] for x in (m.q, m.dq, m.ddq, m.tau))
     static = np.stack((np.ones_like(q), q, np.sin(q), np.cos(q), dq), axis=1)

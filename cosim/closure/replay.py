@@ -1,10 +1,9 @@
-"""The recorded experiment again, as a co-simulation: the drive's FMU with and without the effect that was found.
+"""The recorded experiment again, as a co-simulation: the device's FMU with and without the effect that was found.
 
 Recording FMUs play the reference and the feed-forward torque, a PDController FMU closes the loop around the drive:
 
-- closed loop, where a law was found in the run (`cosim.closure.controller`): reference q_ref, gains of the law,
-feed-forward
-  what the law leaves over. Error: torque of the replay minus recorded torque.
+- closed loop, where a law was found in the run (`cosim.closure.controller`): reference q_ref, gains of the law, what
+  the law does not explain as feed-forward. Error: torque of the replay minus recorded torque.
 - guided, where there is none: reference the recorded q, feed-forward the recorded torque, a soft PD keeps the drive
   on the recorded path. Error: the torque that it needs for that.
 
@@ -12,29 +11,35 @@ A sampled torque is held for a step, here as on the device: what a regression on
 that the replay already has (`without_hold`).
 """
 
+from __future__ import annotations
+
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from attrs import field, frozen
 
-from cosim.closure.controller import RecordedController, difference, find_laws, injected
-from cosim.closure.data.smoothing import convolve, kernel, position_noise
-from cosim.closure.effects_file import stepped
+from cosim.closure.controller import RecordedController, difference, find_laws, injected, reference
+from cosim.closure.drive import Drive, StartValue, StartValues, drive_of, stepped
+from cosim.closure.model.smoothing import convolve, kernel, position_noise
 from cosim.errors import InputError, RunError
 from cosim.measured.recording import Recording, Run
 from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
 from cosim.signals import Signal
 
+if TYPE_CHECKING:
+    from cosim.engine.master import Result, System
+
 SETTLE = 0.2  # s at the start of every run that are not judged: velocity and presliding state are not recorded
 GUIDE = 2 * np.pi * 4.0  # rad/s, natural frequency of the guiding PD
 SMOOTH = (0.0, 1.5e-3, 2.5e-3, 4e-3, 6e-3)  # s, widths of the kernel over the path that guides
-JITTER = 0.005  # of the torque: what encoder noise on that path may ask for
+JITTER = 0.005  # of the torque: the largest share that encoder noise on that path may cause
 BLOCK = 0.5  # s, blocks of the bootstrap
-LATE = 0.7 / GUIDE  # s: half of the lag from which on the guiding PD is unstable
-LEAST = 0.5  # of the judged rows: a model that is replayed through fewer has no replay error
+LATE = 0.7 / GUIDE  # s: half of the lag above which the guiding PD is unstable
+LEAST = 0.5  # of the judged rows: a model that reaches fewer has no replay error
 WORSE = 1.2  # times the error before: a replay above that, beyond its interval, is said to disagree
 LAGS = ("actuator_lag", "time_delay")
 SIDES = ("before", "after")
@@ -42,13 +47,11 @@ SIDES = ("before", "after")
 
 @frozen(eq=False)
 class Replay:
-    """RMS% of torque on held-out rows, before and after, per joint (nj,), with 95 % intervals of the after (nj, 2); nan
-    for a
-    model that could not be replayed.
+    """RMS% of torque on held-out rows per joint (nj,), of the models before and after, with 95 % intervals of the
+    latter (nj, 2); nan for a model that could not be replayed.
 
     Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q
-    [rad or m].
-    time, tau, tau_before, tau_after (n, nj): the last run judged, for figures.
+    [rad or m]. time (n,), tau, tau_before, tau_after (n, nj): the last run judged, for figures.
     """
 
     kind: str
@@ -62,16 +65,16 @@ class Replay:
     runs: tuple[str, ...]
     laws: tuple[RecordedController | None, ...] = ()
     warnings: tuple[str, ...] = ()
-    time: np.ndarray = field(default=None, repr=False)
-    tau: np.ndarray = field(default=None, repr=False)
-    tau_before: np.ndarray = field(default=None, repr=False)
-    tau_after: np.ndarray = field(default=None, repr=False)
+    time: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
+    tau: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
+    tau_before: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
+    tau_after: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
 
 
 @frozen(eq=False)
 class _ReplayedRun:
-    """What is played back to a run's loop: q_ref, feed (n, nj), and the gains kp, kd (nj,), difference,
-    velocity cutoff [Hz], limit (nj,).
+    """What is played back to the loop of a run: q_ref, feed (n, nj), gains kp, kd and limit (nj,), samples of the
+    velocity difference, cutoff [Hz] of its low-pass; guided: whether the PD only keeps the drive on the recorded path.
     """
 
     run: Run
@@ -86,29 +89,26 @@ class _ReplayedRun:
 
 
 def replay(
-    recording: Recording, before: Mapping[str, object], after: Mapping[str, object], width: float = 8e-3
+    recording: Recording, before: Mapping[str, StartValue], after: Mapping[str, StartValue], width: float = 8e-3
 ) -> Replay | None:
-    """Replay every run that has held-out rows with two sets of start values of the drive's FMU (scalars or lists).
+    """Replay every run that has held-out rows with two sets of start values of the device's FMU.
 
     Errors are those of torques that passed a Gaussian kernel of standard deviation `width` [s], as for the torque
-    error: the recorded torque holds the noise of its encoder and amplifier, the replay does not.
-    The model is AxisDrive for device "axis" and PhantomArm for device "phantom"; None for device "regressor".
-    A side that cannot be replayed is nan, and a warning says why. Raises RunError where neither can.
+    error: the recorded torque contains the noise of its encoder and amplifier, the replay does not. None where the
+    device has no FMU. A side that cannot be replayed is nan, and a warning says why. Raises RunError where neither can.
     """
-    if recording.device == "regressor":
+    drive = drive_of(recording.device)
+    if drive is None:
         return None
     laws = find_laws(recording)
     held = [run for run in recording.runs if run.test.any()]
-    paths = [_recorded_loop(run, laws) if laws else _guided(run, before, len(recording.joints)) for run in held]
+    paths = [_recorded_loop(run, laws) if laws else _guided(run, drive.inertia(before)) for run in held]
     first = min(run.time[0] for run in recording.runs)
-    runs = [
-        _compared(recording.device, path, *(begun(x, path.run.time[0] - first) for x in (before, after)))
-        for path in paths
-    ]
+    runs = [_compared(drive, path, *(begun(x, path.run.time[0] - first) for x in (before, after))) for path in paths]
     return _summary(runs, laws or (), width)
 
 
-def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, object]:
+def without_hold(parameters: Mapping[str, StartValue], step: float) -> StartValues:
     """Lags and delays of a sampled regression less the half step that a held torque already has; never negative."""
     changed = dict(parameters)
     for name in LAGS:
@@ -119,7 +119,7 @@ def without_hold(parameters: Mapping[str, object], step: float) -> dict[str, obj
     return changed
 
 
-def begun(parameters: Mapping[str, object], start: float) -> dict[str, object]:
+def begun(parameters: Mapping[str, StartValue], start: float) -> StartValues:
     """Parameters of a run that begins `start` seconds into the recording: f (1 + d (start + t)) = f' (1 + d' t).
 
     With a time constant T: f (1 + d T (1 - exp(-(start + t)/T))) = f' (1 + d' T (1 - exp(-t/T))), d' = d exp(-start/T)
@@ -141,38 +141,40 @@ def begun(parameters: Mapping[str, object], start: float) -> dict[str, object]:
 
 
 def _recorded_loop(run: Run, laws: Sequence[RecordedController]) -> _ReplayedRun:
-    """The recorded reference through the recorded law; its other terms and what it leaves over are fed forward."""
+    """The recorded reference and law; its terms beside the PD and what it does not explain are fed forward."""
     feed = np.stack([_feed(run, law, joint) for joint, law in enumerate(laws)], axis=1)
     gains = [tuple(getattr(law, name) for law in laws) for name in ("kp", "kd", "limit")]
-    return _ReplayedRun(run, run.q_ref, feed, gains[0], gains[1], laws[0].samples, laws[0].cutoff, gains[2], False)
+    return _ReplayedRun(run, reference(run), feed, gains[0], gains[1], laws[0].samples, laws[0].cutoff, gains[2], False)
 
 
 def _feed(run: Run, law: RecordedController, joint: int) -> np.ndarray:
-    return law.feed(run.q_ref[:, joint], run.q[:, joint], run.step) + injected(law, run, joint)
+    return law.feed(reference(run)[:, joint], run.q[:, joint], run.step) + injected(law, run, joint)
 
 
-def _guided(run: Run, parameters: Mapping[str, object], joints: int) -> _ReplayedRun:
-    """The recorded position and torque, and gains that give the drive's inertia the frequency GUIDE, well damped."""
-    inertia, samples = _inertia(parameters, joints), 2
+def _guided(run: Run, inertia: np.ndarray) -> _ReplayedRun:
+    """The recorded position and torque, and gains that give the inertia (nj,) the frequency GUIDE, well damped."""
+    samples = 2
     damping = 1.4 * GUIDE * inertia
     smooth = _smoothed(run, damping)
     feed = run.tau + damping * difference(smooth, run.step, samples)
     return _ReplayedRun(
-        run, smooth, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, 0.0, (0.0,) * joints, True
+        run, smooth, feed, tuple(GUIDE**2 * inertia), tuple(damping), samples, 0.0, (0.0,) * len(inertia), True
     )
 
 
 def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
-    """The recorded path with as little smoothing as keeps the damping quiet; mirrored through its ends, so that it does
-    not stop there.
+    """The recorded path, smoothed just enough for little noise of the damping torque. It is continued beyond its ends
+    by reflection, so that it does not stop there.
 
     Noise s of q makes noise s sqrt(H / (4 sqrt(pi) w^3)) of dq behind a Gaussian of width w.
     """
     noise, allowed = position_noise(run.q), JITTER * np.sqrt(np.mean(run.tau**2, axis=0))
-    for width in SMOOTH:
+
+    def quiet(width: float) -> bool:
         rate = np.sqrt(run.step / (4 * np.sqrt(np.pi) * width**3)) if width else 1 / (np.sqrt(2) * run.step)
-        if (damping * noise * rate < allowed).all():
-            break
+        return bool((damping * noise * rate < allowed).all())
+
+    width = next(filter(quiet, SMOOTH), SMOOTH[-1])
     weights = kernel(width / run.step)
     reach = len(weights) // 2
     return convolve(np.pad(run.q, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd"), weights)[
@@ -180,16 +182,9 @@ def _smoothed(run: Run, damping: np.ndarray) -> np.ndarray:
     ]
 
 
-def _inertia(parameters: Mapping[str, object], joints: int) -> np.ndarray:
-    if joints == 1:
-        return np.array([float(parameters["inertia"])])
-    pi = np.asarray(parameters["pi"], float)
-    return np.abs(np.array([pi[0] + abs(pi[1]) + abs(pi[2]) + abs(pi[3]), pi[4], pi[5]]))
-
-
 @frozen(eq=False)
 class _ReplaySide:
-    """One model through one run: tau, q (n, nj), nan from where it ended; why it ended early, else ""."""
+    """One model through one run: tau, q (n, nj), nan from where it ended; why it ended early, else empty."""
 
     tau: np.ndarray
     q: np.ndarray
@@ -203,21 +198,26 @@ class _Compared:
     after: _ReplaySide
 
 
-def _compared(device: str, path: _ReplayedRun, before: Mapping, after: Mapping) -> _Compared:
-    """Both plants through one run, each by itself."""
+def _compared(
+    drive: Drive, path: _ReplayedRun, before: Mapping[str, StartValue], after: Mapping[str, StartValue]
+) -> _Compared:
+    """Both models through one run, each by itself."""
     from cosim.fmu import open_system
 
     with tempfile.TemporaryDirectory(prefix="cosim-replay-") as folder:
-        scenario = experiment(device, path, {}, Path(folder))
+        scenario = experiment(drive, path, Path(folder))
         with open_system(scenario) as system:
-            return _Compared(path, *(_played(scenario, system, path, values) for values in (before, after)))
+            first, second = (_played(scenario, system, path, values) for values in (before, after))
+            return _Compared(path, first, second)
 
 
-def _played(scenario: Scenario, system, path: _ReplayedRun, parameters: Mapping) -> _ReplaySide:
+def _played(
+    scenario: Scenario, system: System, path: _ReplayedRun, parameters: Mapping[str, StartValue]
+) -> _ReplaySide:
     from cosim.engine.master import run as execute
     from cosim.scenario import with_parameters
 
-    values = stepped(dict(parameters), path.run.step)
+    values = stepped(parameters, path.run.step)
     try:
         changed = with_parameters(scenario, {f"drive.{key}": value for key, value in values.items()})
         result = execute(changed, system, record=["controller.tau", "drive.q"])
@@ -233,9 +233,9 @@ def _played(scenario: Scenario, system, path: _ReplayedRun, parameters: Mapping)
     return _ReplaySide(tau, q, str(result.failure or ("" if result.stopped_at is None else result.message)))
 
 
-def _unstable(path: _ReplayedRun, time: float, values: Mapping) -> str:
+def _unstable(path: _ReplayedRun, time: float, values: Mapping[str, StartValue]) -> str:
     """In words: the drive was farther from the recorded path than that is wide."""
-    late = float(np.max(sum(np.asarray(values.get(name, 0.0)) for name in LAGS)))
+    late = float(np.max(np.add(*(np.asarray(values.get(name, 0.0)) for name in LAGS))))
     text = f"the loop is unstable: the drive had run away by t = {time:.3g} s"
     if path.guided and late > LATE:
         return (
@@ -245,7 +245,7 @@ def _unstable(path: _ReplayedRun, time: float, values: Mapping) -> str:
     return f"{text}, {'the PD that guides it' if path.guided else 'the recorded law'} does not hold this model"
 
 
-def _column(result, name: str, path: _ReplayedRun) -> np.ndarray:
+def _column(result: Result, name: str, path: _ReplayedRun) -> np.ndarray:
     """A recorded signal on the rows of the run; rows that a run did not reach are nan."""
     values = result.vector(name)[:, : path.q_ref.shape[1]]
     rows = np.full_like(path.q_ref, np.nan)
@@ -253,7 +253,7 @@ def _column(result, name: str, path: _ReplayedRun) -> np.ndarray:
     return rows
 
 
-def experiment(device: str, path: _ReplayedRun, parameters: Mapping[str, object], folder: Path) -> Scenario:
+def experiment(drive: Drive, path: _ReplayedRun, folder: Path) -> Scenario:
     """The replay as a scenario: reference and feed-forward -> controller -> drive -> controller."""
     run, joints = path.run, path.q_ref.shape[1]
     names = [f"{what}{joint + 1}" for what in ("q_ref", "tau_ff") for joint in range(joints)]
@@ -267,9 +267,7 @@ def experiment(device: str, path: _ReplayedRun, parameters: Mapping[str, object]
         "feed": Component(
             recording=str(file), columns=tuple(names[joints:]), unit="N.m", interpolation=Extrapolation.HOLD
         ),
-        "drive": Component(
-            model="AxisDrive" if device == "axis" else "PhantomArm", parameters=_starts(path, parameters)
-        ),
+        "drive": Component(model=drive.model, parameters=_start(path, drive)),
         "controller": Component(model="PDController", parameters=_gains(path)),
     }
     step = round(run.step * 1e9) / 1e9
@@ -280,22 +278,20 @@ def experiment(device: str, path: _ReplayedRun, parameters: Mapping[str, object]
         extrapolation=Extrapolation.HOLD,
         order=("reference", "feed", "drive", "controller"),
     )
-    return Scenario("replay", settings, parts, _wires(device, joints), folder=folder)
+    return Scenario("replay", settings, parts, _wires(drive, joints), folder=folder)
 
 
-def _starts(path: _ReplayedRun, parameters: Mapping[str, object]) -> dict[str, object]:
-    """The drive's parameters with the recorded start; its velocity is the mean over the first rows."""
+def _start(path: _ReplayedRun, drive: Drive) -> dict[str, object]:
+    """The recorded start; its velocity is the mean over the first rows."""
     rows = min(8, len(path.run) - 1)
     speed = (path.run.q[rows] - path.run.q[0]) / (rows * path.run.step)
-    starts = {"q_start": path.run.q[0].tolist(), "dq_start": speed.tolist()}
-    one = path.q_ref.shape[1] == 1
-    return {**parameters, **{key: value[0] if one else value for key, value in starts.items()}}
+    return {**drive.start_of(path.run.q[0], speed)}
 
 
 def _gains(path: _ReplayedRun) -> dict[str, object]:
     """Parameters of the PDController, three joints wide; joints that are not there have no gain."""
 
-    def wide(values):
+    def wide(values: Sequence[float]) -> list[float]:
         return [float(v) for v in values] + [0.0] * (3 - len(values))
 
     return {
@@ -307,15 +303,15 @@ def _gains(path: _ReplayedRun) -> dict[str, object]:
     }
 
 
-def _wires(device: str, joints: int) -> tuple[Connection, ...]:
+def _wires(drive: Drive, joints: int) -> tuple[Connection, ...]:
     wires = []
     for j in range(1, joints + 1):
-        own = "" if device == "axis" else f"[{j}]"
+        q, tau = drive.variable("q", j - 1), drive.variable("tau", j - 1)
         wires += [
             Connection(Signal("reference", f"y[{j}]"), Signal("controller", f"q_ref[{j}]")),
             Connection(Signal("feed", f"y[{j}]"), Signal("controller", f"tau_ff[{j}]")),
-            Connection(Signal("drive", f"q{own}"), Signal("controller", f"q[{j}]")),
-            Connection(Signal("controller", f"tau[{j}]"), Signal("drive", f"tau{own}")),
+            Connection(Signal("drive", q), Signal("controller", f"q[{j}]")),
+            Connection(Signal("controller", f"tau[{j}]"), Signal("drive", tau)),
         ]
     return tuple(wires)
 
@@ -329,26 +325,30 @@ class _ReplayedRows:
     calm: np.ndarray
 
     @classmethod
-    def of(cls, compared: Sequence[_Compared], width: float, pick) -> "_ReplayedRows":
-        def smooth(c):
+    def of(cls, compared: Sequence[_Compared], width: float, pick: Callable[[_Compared], _ReplaySide | Run]) -> Self:
+        """The judged rows of one side, or of the recording."""
+
+        def smooth(c: _Compared) -> np.ndarray:
             return convolve(pick(c).tau, kernel(width / c.path.run.step))
 
         return cls(*(_judged(compared, x) for x in (lambda c: pick(c).tau, lambda c: pick(c).q, smooth)))
 
     @property
     def reached(self) -> np.ndarray:
-        """(n,) bool: where everything is known."""
-        return np.isfinite(np.column_stack((self.tau, self.q, self.calm))).all(axis=1)
+        """Rows (n,) on which everything is known."""
+        return np.asarray(np.isfinite(np.column_stack((self.tau, self.q, self.calm))).all(axis=1))
 
-    def at(self, rows: np.ndarray, known: bool = True) -> "_ReplayedRows":
-        """The chosen rows; nan where nothing is to be known of them."""
+    def at(self, rows: np.ndarray, known: bool = True) -> _ReplayedRows:
+        """The chosen rows; nan where the side does not count."""
         return _ReplayedRows(
             *(x[rows] if known else np.full_like(x[rows], np.nan) for x in (self.tau, self.q, self.calm))
         )
 
 
 def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...], width: float) -> Replay:
-    """Errors on the judged rows that each side reached that counts. Raises RunError where none counts."""
+    """Errors on the judged rows that every side reached, leaving out a side that reached too few. Raises RunError where
+    both did.
+    """
     sides = [_ReplayedRows.of(compared, width, attrgetter(side)) for side in SIDES]
     counts = [bool(len(side.tau)) and side.reached.mean() >= LEAST for side in sides]
     if not any(counts):
@@ -364,12 +364,12 @@ def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]
     before, after = (side.at(keep, good) for side, good in zip(sides, counts, strict=True))
     size, last = max(round(BLOCK / compared[0].path.run.step), 1), compared[-1]
     shown = [getattr(last, side).tau * (1.0 if good else np.nan) for side, good in zip(SIDES, counts, strict=True)]
-    errors = [_percent(side.calm, recorded.calm) for side in (before, after)]
+    error_before, error_after = (_percent(side.calm, recorded.calm) for side in (before, after))
     interval = _interval(after.calm - recorded.calm, recorded.calm, size)
     return Replay(
         kind="guided" if compared[0].path.guided else "closed loop",
-        before=errors[0],
-        after=errors[1],
+        before=error_before,
+        after=error_after,
         interval=interval,
         raw_before=_percent(before.tau, recorded.tau),
         raw_after=_percent(after.tau, recorded.tau),
@@ -377,7 +377,11 @@ def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]
         position_after=_rms(after.q - recorded.q),
         runs=tuple(c.path.run.name for c in compared),
         laws=laws,
-        warnings=(*_notes(compared, laws), *_lost(compared, counts, 1 - keep.mean()), *_worse(*errors, interval)),
+        warnings=(
+            *_notes(compared, laws),
+            *_lost(compared, counts, 1 - keep.mean()),
+            *_worse(error_before, error_after, interval),
+        ),
         time=last.path.run.time,
         tau=last.path.run.tau,
         tau_before=shown[0],
@@ -385,7 +389,7 @@ def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]
     )
 
 
-def _judged(compared: Sequence[_Compared], pick) -> np.ndarray:
+def _judged(compared: Sequence[_Compared], pick: Callable[[_Compared], np.ndarray]) -> np.ndarray:
     """Held-out rows after the first SETTLE seconds of each run, below each other."""
     parts = []
     for c in compared:
@@ -435,7 +439,7 @@ def _notes(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]) 
 
 
 def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -> list[str]:
-    """What the sides did not run through, and why; share: of the rows that are not judged."""
+    """In words, which sides ended early and why; share: of the rows that are not judged."""
     notes = []
     for side, good in zip(SIDES, counts, strict=True):
         if why := "; ".join(_reasons(compared, side)):

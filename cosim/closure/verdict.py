@@ -1,31 +1,35 @@
-"""The answer: which effects are named, with what they cannot be told from; what is left without a name; or why nothing
-may be said.
+"""The answer: which effects are named and what they cannot be distinguished from, what is left without a name, or why
+nothing can be concluded.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from enum import Enum
 
 import numpy as np
-from attrs import evolve, field, frozen
+from attrs import evolve, frozen
 
 from cosim.closure.aliases import LISTED, Rival, indistinguishable, nameless_rival, rivals
 from cosim.closure.model.candidates import Candidate
-from cosim.closure.model.model import ChosenEffect, Model, evolve_model, with_choices
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.gram import accumulate, fit
+from cosim.closure.model.model import Model, spread, with_choices
 from cosim.closure.model.unnamed import dependences, faults
 from cosim.closure.score.dependence import Leftover, corrected, in_place, leftovers, strongest
 from cosim.closure.score.evidence import EffectEvidence, standard_errors, weigh
-from cosim.closure.score.selection import Progress, Rule, Selection, polished, tangents
+from cosim.closure.score.selection import Rule, Selection, polished, tangents
 from cosim.effects import Alias, Effect, EffectEstimate
+from cosim.effects.motion import Joints
+from cosim.measured import Label
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
-MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
+MOST = 2 / 3  # of it suffices where every name keeps its evidence and coefficients beside the nameless function
 STEADY = 1.5  # factor by which a coefficient may change beside it
-SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
+SETTLED = 0.97  # of what can be explained: above it a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
-# samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs; a wall of k [N/m] takes d [s] of it for a damping of k
-# d
 SKEW = 0.3
-LOWER = 0.85  # and the share of their squared error that it may have at most
+"""Samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs. A wall of stiffness k [N/m] shows d [s] of it as a
+damping k d."""
+LOWER = 0.85  # and the largest share of their squared error that it may have
 
 
 class Answer(Enum):
@@ -43,22 +47,24 @@ class NamedEffect:
 
     choice: ChosenEffect
     evidence: EffectEvidence
-    parameters: dict[str, float]
-    interval: dict[str, tuple[float, float]]
+    parameters: dict[Label, float]
+    interval: dict[Label, tuple[float, float]]
     rivals: tuple[Rival, ...]
-    inherent: tuple[Alias, ...] = ()  # what this motion cannot tell from it
-    acting: tuple[int, ...] = ()  # joints (0-based) that feel it
+    inherent: tuple[Alias, ...] = ()  # effects that this motion cannot distinguish from it
+    acting: Joints = ()  # joints (0-based) on which it acts
     rest: tuple[Leftover, ...] = ()  # what is left on them without a name
-    doubt: Leftover | None = None  # where nothing surely is: what may be
-    vague: str = ""  # what is not measured that would tell it from effects without a name
+    doubt: Leftover | None = None  # where nothing is left for sure, what may be
+    vague: str = ""  # what is not measured that would distinguish it from effects without a name
     earlier: bool = False  # of an earlier pass: the model was started from it
 
     @property
     def effect(self) -> Effect:
+        """The effect."""
         return self.choice.effect
 
     @property
     def name(self) -> str:
+        """Name of the effect."""
         return self.evidence.name
 
     @property
@@ -68,15 +74,16 @@ class NamedEffect:
 
     @property
     def indistinguishable(self) -> tuple[Rival, ...]:
+        """Rivals that explain the data as well."""
         return indistinguishable(self.effect, self.rivals)
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """All names that the data cannot tell from this one: those that this motion cannot tell apart, those within one
-        standard error, closest
-        first, and the relatives of an effect between motor and link that leaves a nameless rest on its joint: their
-        details, which decide
-        between them, are in that rest.
+        """All names that the data cannot distinguish from this one, closest first.
+
+        They are effects that this motion does not distinguish, those within one standard error, and the relatives of
+        an effect between motor and link that leaves a nameless rest on its joint: the details that decide between them
+        are in that rest.
         """
         inherent = [alias.name for alias in self.inherent]
         close = [rival.evidence.name for rival in self.indistinguishable]
@@ -85,17 +92,15 @@ class NamedEffect:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """The first `LISTED` of them; `unknown` is the last where an effect without a name may stand behind this
-        one.
-        """
+        """The first `LISTED` of them; `unknown` is the last where an effect without a name may be behind this one."""
         return (*self.alike[: LISTED - 1], "unknown") if self.nameless else self.alike[:LISTED]
 
     @property
     def nameless(self) -> str:
-        """What tells this one from an effect without a name that may stand behind it; empty where nothing says that one
-        does.
+        """What would distinguish this one from an effect without a name that may be behind it; empty where nothing
+        suggests one.
 
-        Of an effect that several joints feel what is left on one of them says nothing.
+        What is left on one of the joints of an effect on several says nothing about it.
         """
         leftover = next(iter(self.rest), self.doubt)
         if self.vague or leftover is None or len(self.acting) > 1:
@@ -106,6 +111,7 @@ class NamedEffect:
 
     @property
     def separated_by(self) -> str:
+        """The experiments that would distinguish it from its aliases."""
         theirs = [
             (r.evidence.name, alias)
             for r in self.indistinguishable
@@ -121,8 +127,9 @@ class NamedEffect:
 
 @frozen(eq=False)
 class ClosureVerdict:
-    """The answer with its findings; `model` holds the named effects, `best` also the smooth correction where there is
-    one.
+    """The answer with its findings.
+
+    model: with the named effects; best: also with the smooth correction where there is one. Both None where refused.
     """
 
     answer: Answer
@@ -131,16 +138,26 @@ class ClosureVerdict:
     leftovers: tuple[Leftover, ...] = ()
     model: Model | None = None
     best: Model | None = None
-    warnings: tuple[str, ...] = field(default=(), converter=tuple)
+    warnings: tuple[str, ...] = ()
+
+    def models(self) -> tuple[Model, Model]:
+        """`model` and `best` of a verdict that is no refusal."""
+        assert self.model is not None and self.best is not None, "only a refusal has no models"
+        return self.model, self.best
 
 
 def judge(
-    selection: Selection, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None
+    selection: Selection,
+    effects: Sequence[Effect],
+    rule: Rule,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> ClosureVerdict:
-    """Findings with aliases; the residual's leftovers; names withdrawn where a nameless function does clearly
-    better.
+    """The findings with their aliases, what the residual still depends on, and names that are withdrawn because a
+    nameless function does clearly better.
     """
-    model, withdrawn, former = selection.model, (), ()
+    model = selection.model
+    withdrawn: tuple[tuple[NamedEffect, str], ...] = ()
+    former: tuple[tuple[ChosenEffect, np.ndarray], ...] = ()
     given = {
         c.key for k, c in enumerate(selection.before.choices) if selection.before.unphysical(k)
     }  # by an earlier pass, on data that showed it
@@ -175,15 +192,20 @@ def judge(
     return _answer(kept, withdrawn, left, model)
 
 
-def _unphysical(model: Model, given: set) -> dict[int, str]:
-    """Choices (by number) whose estimate is not physical beside the others: refits move estimates. But for those that
-    were `given`.
+def _unphysical(model: Model, given: set[tuple[Hashable, Joints]]) -> dict[int, str]:
+    """Choices (by number) whose estimate is not physical beside the others, since refits move estimates; those that
+    were `given` are excepted.
     """
     reasons = {k: model.unphysical(k) for k, c in enumerate(model.choices) if c.key not in given}
     return {k: reason for k, reason in reasons.items() if reason}
 
 
-def _answer(kept, withdrawn, left, model: Model) -> ClosureVerdict:
+def _answer(
+    kept: tuple[NamedEffect, ...],
+    withdrawn: tuple[tuple[NamedEffect, str], ...],
+    left: tuple[Leftover, ...],
+    model: Model,
+) -> ClosureVerdict:
     best = corrected(model, left) if left else model
     ordered = tuple(sorted(kept, key=lambda f: -f.evidence.gain_fit * f.evidence.size))
     if any(not f.earlier for f in ordered):
@@ -211,9 +233,9 @@ def _withdrawals(model: Model, left: tuple[Leftover, ...], rule: Rule) -> dict[i
 def _too_much_left(
     base: Model, model: Model, joints: list[int], here: tuple[Leftover, ...], numbers: list[int], rule: Rule
 ) -> str:
-    """Whether nameless functions, one a joint, explain a good part of what the names leave. An effect that several
-    joints feel, of which
-    they may be strangers, only has to stand beside them.
+    """Why the names do not hold where nameless functions, one a joint, explain a good part of what they leave; empty
+    where they hold. An effect on several joints, on which these may have nothing to do with it, only has to keep its
+    evidence beside them.
     """
     if not here:
         return ""
@@ -235,9 +257,7 @@ def _too_much_left(
 
 
 def _stands_beside(model: Model, number: int, nameless: tuple[ChosenEffect, ...], rule: Rule) -> bool:
-    """Whether a name keeps its evidence and its coefficients when the nameless functions have been given their part
-    first.
-    """
+    """Whether a name keeps its evidence and its coefficients beside the nameless functions."""
     choice = model.choices[number]
     others = tuple(c for k, c in enumerate(model.choices) if k != number)
     rest = with_choices(model, (*others, *nameless))
@@ -249,7 +269,7 @@ def _stands_beside(model: Model, number: int, nameless: tuple[ChosenEffect, ...]
 
 
 def _unnamed_better(base: Model, model: Model, joint: int) -> str:
-    """Whether one nameless function in the place of all names of the joint does clearly better than they."""
+    """Why one nameless function replaces all names of the joint, being clearly better; empty where none is."""
     error, without = model.unseen(joint), base.unseen(joint).sum()
     nameless = in_place(base, joint, (*dependences(base.scene), *faults(base.scene, joint)))
     rival = min((e.model for e in nameless), key=lambda m: m.unseen(joint).sum(), default=None)
@@ -276,15 +296,11 @@ def finding(model: Model, number: int, effects: Sequence[Effect], rule: Rule, tr
     )
 
 
-def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """FMU parameters of an effect and their 95 % intervals: jackknife by blocks, nonlinear parameters linearised beside
-    the others.
-    """
+def intervals(model: Model, number: int) -> tuple[dict[Label, float], dict[Label, tuple[float, float]]]:
+    """FMU parameters of an effect with 95 % intervals: jackknife by blocks, the model linearised in nonlinear ones."""
     choice, part = model.choices[number], model.coefficients(number)
     beta, cov, theta_std = model.fit.beta[part], model.fit.cov[part, part], np.zeros(len(choice.theta))
-    free = (
-        () if choice.effect.late else choice.effect.continuous(choice.theta)
-    )  # a late effect's coefficient carries what theta lacks
+    free = () if choice.effect.late else choice.effect.continuous(choice.theta)  # a late one's coefficient has the rest
     if free or choice.effect.sharp:
         beta_cov = _with_tangents(model, number, free)
         k = len(beta)
@@ -300,7 +316,7 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
         change = choice.effect.moved(choice.theta, index, choice.effect.form)[index] - choice.theta[index]
         theta_std[index] = np.hypot(theta_std[index], change)
 
-    def read(b, th) -> dict[str, float]:
+    def read(b: np.ndarray, th: Sequence[float]) -> dict[Label, float]:
         return choice.effect.parameters(EffectEstimate(b, std, tuple(th), choice.joints, model.scene))
 
     values = read(beta, choice.theta)
@@ -319,11 +335,11 @@ def intervals(model: Model, number: int) -> tuple[dict[str, float], dict[str, tu
 
 
 def _by_skew(model: Model) -> np.ndarray:
-    """Standard deviation (p,) of the coefficients by that of the sampling skew, which is chosen among three values; lag
-    and delay have it themselves.
+    """Standard deviation (p,) of the coefficients because of that of the sampling skew, which is one of three values;
+    lag and delay contain it.
     """
     step = SKEW * model.setting.motion.sample
-    return np.abs(evolve_model(model, skew=model.skew + step).fit.beta - model.fit.beta)
+    return np.abs(evolve(model, skew=model.skew + step).fit.beta - model.fit.beta)
 
 
 def _quantile(model: Model) -> float:
@@ -334,15 +350,10 @@ def _quantile(model: Model) -> float:
 
 def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
     """Jackknife covariance of (coefficients, free nonlinear parameters), the model linearised in the latter and in the
-    width of the
-    friction law of the effect's joint.
+    width of the friction law of the effect's joint.
     """
-    from cosim.closure.model.gram import accumulate, fit
-
     choice, part, rows = model.choices[number], model.coefficients(number), model.setting.rows
-    extra = [
-        column / (change or 1e12) for column, change in tangents(model, number, free)
-    ]  # a parameter that cannot move adds nothing
+    extra = [column / (change or 1e12) for column, change in tangents(model, number, free)]  # fixed: zero
     count = len(extra)
     extra += [_width_tangent(model, j) for j in choice.joints if choice.effect.sharp and model.laws[j].width > 0]
     design = np.concatenate((model.design, *extra), axis=2)
@@ -354,9 +365,7 @@ def _with_tangents(model: Model, number: int, free: tuple[int, ...]) -> np.ndarr
 
 def _width_tangent(model: Model, joint: int) -> np.ndarray:
     """Column (J, m, 1) of a relative change of the width of a joint's friction law."""
-    from cosim.closure.model.model import spread
-
     law = model.laws[joint]
     ahead, behind = (model.setting.sign(joint, evolve(law, width=law.width * f)) for f in (1.03, 1 / 1.03))
-    level = model.fit.beta[len(model.setting.names) + model.setting.joints + joint]
+    level = model.friction_levels[1][joint]
     return spread({joint: (level * (ahead - behind) / (2 * np.log(1.03)))[:, None]}, model.setting) * model.scale

@@ -1,19 +1,19 @@
 """Effects between the commanded and the delivered torque: lag, delay, gain, saturation, dead band.
 
 The recorded torque is the command u; the delivered torque is A(u). With the model's own prediction p of the delivered
-torque the
-command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the prediction
-where they can
-be, so that noise of the torque does not stand on both sides.
+torque the command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the
+prediction where possible, so that noise of the torque is not on both sides of the regression.
 
-Lag and delay are found by passing the recorded torque on through them, which is exact at any size; what is left of the
-parameter is the
-coefficient of one column, the slope of the prediction.
+Lag and delay are found by passing the recorded torque through them, which is exact at any size. The rest of the
+parameter is the coefficient of one column, the slope of the prediction.
 """
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Motion, Theta
+from cosim.effects.scene import Scene
+from cosim.measured.label import Label
 
 _FAST = "excitation with periods near the lag itself (fast chirps or steps of torque)"
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
@@ -21,7 +21,7 @@ _BEHIND = (Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45
 LONGEST = 0.06  # s, of lags and delays that a torque loop may have
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
 USUAL = 0.4  # share of commands within a dead band, above which it is no dead band but the usual torque
-STARVED = 0.85  # share of commands beyond a limit, above which what is delivered is no more than a sign
+STARVED = 0.85  # share of commands beyond a limit, above which hardly more than the sign is delivered
 
 
 class Late(Effect):
@@ -36,28 +36,26 @@ class Late(Effect):
     slack = 1.0
     needs = "fast excitation"
 
-    def joint_sets(self, scene: Scene):
+    def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
         singles = super().joint_sets(scene)
         return (*singles, tuple(range(scene.joints))) if scene.joints > 1 else singles
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         step = scene.motion.sample
         return tuple((float(d),) for d in np.geomspace(2 * step, max(6 * step, LONGEST), 10))
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0,)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         rate = scene.motion.rate(scene.prediction)
         return {j: rate[:, [j]] for j in joints}
 
-    def labels(self, joints, theta):
-        return (self.name,)
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label(self.name),)
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
-        """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled
-        torque included.
-        """
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
+        """The whole lag of every joint, with the sampling skew of the model and the hold of a sampled torque."""
         value = float(self.amount(estimate.beta, estimate.theta)[0]) + estimate.scene.skew
         return {per_joint(self.name, (j,)): value for j in estimate.joints}
 
@@ -83,12 +81,12 @@ class ActuatorLag(Late):
     aliases = (Alias("time_delay", _FAST, always=True), *_BEHIND)
     relatives = ("time_delay", "joint_elasticity")
 
-    def delivered(self, motion, torque, theta):
+    def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         from scipy.signal import bilinear, lfilter, lfilter_zi
 
         b, a = bilinear([1.0], [theta[0], 1.0], 1 / motion.step)
         start = lfilter_zi(b, a)[:, None]
-        return motion.per_run(lambda part: lfilter(b, a, part, axis=0, zi=start * part[0])[0], torque)
+        return motion.per_run(lambda part: np.asarray(lfilter(b, a, part, axis=0, zi=start * part[0])[0]), torque)
 
 
 class TimeDelay(Late):
@@ -101,7 +99,7 @@ class TimeDelay(Late):
     aliases = (Alias("actuator_lag", _FAST, always=True), *_BEHIND)
     relatives = ("actuator_lag", "backlash")
 
-    def delivered(self, motion, torque, theta):
+    def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         return motion.advanced(torque, -theta[0], order=3)
 
 
@@ -119,16 +117,16 @@ class TorqueGain(Effect):
     aliases = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise the gain is absorbed in the parameters"
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if scene.declared else "absorbed in the fitted parameters: declare them to see it"
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: -scene.prediction[:, joints]}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("torque_gain", joints),)
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         share = float(np.clip(estimate.beta[0], -0.9, 0.9))
         return {per_joint("torque_gain", estimate.joints): share / (1 - share)}
 
@@ -149,27 +147,27 @@ class TorqueSaturation(Effect):
     aliases = ()
     needs = "commands beyond the limit"
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
         return tuple(
             (float(x),)
             for x in np.unique(np.percentile(u, (20, 30, 40, 50, 60, 68, 75, 80, 84, 87, 90, 92, 94, 96, 97, 98, 99)))
         )
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0,)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         limit = theta[0]
         return {joints[0]: scene.motion.of_torque(joints[0], lambda u: u - np.clip(u, -limit, limit))[:, None]}
 
-    def labels(self, joints, theta):
-        return ("share beyond the limit",)
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label("share beyond the limit"),)
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         return {per_joint("torque_saturation", estimate.joints): estimate.theta[0]}
 
-    def theta_labels(self, joints):
+    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return (per_joint("torque_saturation", joints),)
 
     def unphysical(self, estimate: EffectEstimate) -> str:
@@ -195,21 +193,21 @@ class TorqueDeadband(Effect):
     aliases = (Alias("load_friction", "torque at rest, both signs"),)
     needs = "commands that change sign while the joint moves"
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
         return tuple((float(x),) for x in np.geomspace(0.02, 0.6, 9) * np.percentile(u, 90))
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0,)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         dead = theta[0]
         return {joints[0]: scene.motion.of_torque(joints[0], lambda u: np.clip(u, -dead, dead) / dead)[:, None]}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("torque_deadband", joints),)
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         return {per_joint("torque_deadband", estimate.joints): float(estimate.beta[0])}
 
     def unphysical(self, estimate: EffectEstimate) -> str:

@@ -3,6 +3,9 @@
 import numpy as np
 
 from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Theta
+from cosim.effects.scene import Scene
+from cosim.measured.label import Label
 
 
 class LoadFriction(Effect):
@@ -20,10 +23,10 @@ class LoadFriction(Effect):
     dynamic = True
     aliases = (Alias("position_friction", "the same angles under another load"),)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: np.abs(scene.prediction[:, joints]) * scene.sign[:, joints]}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("load_friction", joints),)
 
     def unphysical(self, estimate: EffectEstimate) -> str:

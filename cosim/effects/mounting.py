@@ -1,9 +1,13 @@
-"""Effects of how the arm stands and what it carries: base tilt, encoder offset, payload."""
+"""Effects of mounting and load of the arm: base tilt, encoder offset, payload."""
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Theta
+from cosim.effects.moving_arm import MovingArm
+from cosim.effects.scene import Scene
 from cosim.effects.transmission import displaced, pressed
+from cosim.measured.label import Label
 
 PRESSED = Alias(
     "backlash", "a load that changes its sign: a gap that it keeps pressed to one side is an offset of half of it"
@@ -27,28 +31,24 @@ class BaseTilt(Effect):
     )
     needs = "gravity that is not balanced, a wide range of q1"
 
-    def joint_sets(self, scene: Scene):
-        return ((0, 1, 2),) if scene.device == "phantom" else ()
+    def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
+        return scene.whole_arm
 
-    def untestable(self, scene: Scene, joints) -> str:
-        return (
-            ""
-            if scene.pi is not None and np.abs(scene.pi[6:]).max() > 1e-3
-            else "the arm is balanced: gravity has no moment"
-        )
+    def untestable(self, scene: Scene, joints: Joints) -> str:
+        arm, pi = self._arm(scene)
+        return "the arm is balanced: gravity has no moment" if arm.geometry.balanced(pi) else ""
 
-    def columns(self, scene, joints, theta):
-        p7, p8 = scene.pi[6:]
-        (s1, s2, s3), (c1, c2, c3) = np.sin(scene.motion.q.T), np.cos(scene.motion.q.T)
-        reach = p7 * c2 + p8 * s3
-        return {
-            0: np.stack((c1 * reach, -s1 * reach), axis=1),
-            1: np.stack((-p7 * s1 * s2, -p7 * c1 * s2), axis=1),
-            2: np.stack((p8 * s1 * c3, p8 * c1 * c3), axis=1),
-        }
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
+        arm, pi = self._arm(scene)
+        return arm.geometry.tilt_torque(scene.motion.q, pi)
 
-    def labels(self, joints, theta):
-        return ("base_tilt[1]", "base_tilt[2]")
+    @staticmethod
+    def _arm(scene: Scene) -> tuple[MovingArm, np.ndarray]:
+        assert scene.arm is not None and scene.pi is not None, "only an arm has a set of joints for this effect"
+        return scene.arm, scene.pi
+
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label("base_tilt", 1), Label("base_tilt", 2))
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         return "a tilt of more than half a radian" if np.abs(estimate.beta).max() > 0.5 else ""
@@ -70,18 +70,18 @@ class EncoderOffset(Effect):
         Alias("position_torque", "a mechanical reference of its zero"),
     )
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         if scene.rigid_slopes is None:
             return "the device has no equations of motion"
-        if scene.device == "phantom" and joints == (0,):
-            return "nothing in the model depends on q1"
+        if scene.arm is not None and scene.arm.geometry.idle(joints[0]):
+            return f"nothing in the model depends on q{joints[0] + 1}"
         return ""
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return displaced(scene, joints[0], -np.ones((len(scene.motion.time), 1)))
 
-    def labels(self, joints, theta):
-        return (f"encoder_offset[{joints[0] + 1}]",)
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (per_joint("encoder_offset", joints),)
 
     def inherent(self, estimate: EffectEstimate) -> tuple[Alias, ...]:
         side = pressed(estimate.scene, estimate.joints[0])
@@ -103,25 +103,19 @@ class Payload(Effect):
     aliases = (Alias("torque_gain", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise it is absorbed in them"
 
-    def joint_sets(self, scene: Scene):
-        return ((0, 1, 2),) if scene.device == "phantom" else ()
+    def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
+        return scene.whole_arm
 
-    def untestable(self, scene: Scene, joints) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if scene.declared else "absorbed in the fitted parameters: declare them to see it"
 
-    def columns(self, scene, joints, theta):
-        from cosim.arm.dynamics import inverse_dynamics
-        from cosim.arm.segments import point_mass_pi
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
+        assert scene.arm is not None, "only an arm has a set of joints for this effect"
+        torque = scene.arm.geometry.payload_torque(scene.motion, scene.gravity)
+        return {j: torque[:, [j]] for j in joints}
 
-        m = scene.motion
-        torque = inverse_dynamics(point_mass_pi(1.0, _L1, _L2, scene.gravity), m.q, m.dq, m.ddq)
-        return {j: torque[:, [j]] for j in range(3)}
-
-    def labels(self, joints, theta):
-        return ("payload",)
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label("payload"),)
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         return "negative mass" if estimate.beta[0] < 0 else ""
-
-
-_L1, _L2 = 0.215, 0.170

@@ -5,7 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Motion, Theta
+from cosim.effects.scene import Scene
+from cosim.measured.label import Label
 
 
 class PositionFriction(Effect):
@@ -19,14 +22,14 @@ class PositionFriction(Effect):
     source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
     aliases = (Alias("load_friction", "the same angles under another load"),)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         q, s = scene.motion.q[:, joints], scene.sign[:, joints]
         return {joints[0]: np.concatenate((np.sin(q) * s, np.cos(q) * s), axis=1)}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("position_friction_sin", joints), per_joint("position_friction_cos", joints))
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         return "the joint turns less than 0.2 rad" if scene.angle_range(joints[0]) < 0.2 else ""
 
     def unphysical(self, estimate: EffectEstimate) -> str:
@@ -63,19 +66,19 @@ class PositionTorque(Effect):
         9: "position_torque_cos",
     }
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         return tuple((float(k),) for k in range(len(self.SHAPES)))
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         q = scene.motion.q[:, joints]
         powers = {8: np.sin, 9: np.cos}
         parts = [powers[k](q) if k in powers else q**k for k in self.SHAPES[int(theta[0])]]
         return {joints[0]: np.concatenate(parts, axis=1)}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return tuple(per_joint(self.NAMES[k], joints) for k in self.SHAPES[int(theta[0])])
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
 
     def unphysical(self, estimate: EffectEstimate) -> str:
@@ -102,7 +105,7 @@ class TorqueRipple(Effect):
     aliases = (Alias("position_torque", "finer steps of angle, slowly"),)
     needs = "speeds low enough for the filter to pass the ripple"
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         span = scene.angle_range(joints[0])
         speed = float(np.sqrt(np.mean(scene.motion.dq[:, joints[0]] ** 2)))
         if span < 1e-3 or speed <= 0:
@@ -115,23 +118,23 @@ class TorqueRipple(Effect):
         orders = np.arange(lowest, highest, step)
         return tuple((float(n),) for n in orders[:160])
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0,)
 
-    def moved(self, theta, index, step):
+    def moved(self, theta: Theta, index: int, step: float) -> Theta:
         return (theta[0] + 4 * step,)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         q = scene.motion.q[:, joints]
         return {joints[0]: np.concatenate((np.sin(theta[0] * q), np.cos(theta[0] * q)), axis=1)}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("ripple_sin", joints), per_joint("ripple_cos", joints))
 
-    def theta_labels(self, joints):
+    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return (per_joint("ripple_order", joints),)
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         return (
             "" if self.grid(scene, joints) else "the motion is too fast or too small for any ripple to pass the filter"
         )
@@ -145,10 +148,8 @@ class Hysteresis(Effect):
     """Friction that builds up over a distance after a reversal: presliding, cable, gear.
 
     z is Dahl's state, or three elasto-plastic elements in parallel, z = sum w_k z_k, w = (1 - tilt, 1, 1 + tilt)/3,
-    that yield
-    over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech. 33(4); Maxwell
-    slip).
-    theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
+    that yield over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech.
+    33(4); Maxwell slip). theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
     """
 
     name = "hysteresis"
@@ -163,55 +164,56 @@ class Hysteresis(Effect):
     relatives = ("joint_elasticity", "backlash")
     FIRST, RATIOS = (2.0, 0.2), (1.2, 8.0)  # ratio and tilt at which the search begins, least and largest ratio
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         return tuple((float(x), 0.0, 0.0) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0, 1, 2) if theta[1] else (0,)
 
-    def richer(self, theta):
+    def richer(self, theta: Theta) -> Theta | None:
         return None if theta[1] else (theta[0], *self.FIRST)
 
-    def moved(self, theta, index, step):
+    def moved(self, theta: Theta, index: int, step: float) -> Theta:
         length, ratio, tilt = super().moved(theta, index, step) if index < 2 else (*theta[:2], theta[2] + step)
         if not ratio:
             return (length, 0.0, 0.0)
         return (length, float(np.clip(ratio, *self.RATIOS)), float(np.clip(tilt, -1.0, 1.0)))
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         length, ratio, _ = theta
         state = elements(scene.motion, joints[0], *theta) if ratio else dahl(scene.motion, joints[0], length)
         return {joints[0]: state[:, None]}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("hysteresis", joints),)
 
-    def theta_labels(self, joints):
+    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return tuple(per_joint(f"hysteresis_{name}", joints) for name in ("length", "ratio", "tilt"))
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
 
 
-def dahl(motion, joint: int, length: float) -> np.ndarray:
+def dahl(motion: Motion, joint: int, length: float) -> np.ndarray:
     """State z (n,) of dz/dt = dq (1 - z sgn(dq)) / length: u = 1 - z sgn(dq) falls to u exp(-d / length) over a
     distance d.
     """
     return _strokes(motion, joint, length, lambda u, gone: u * np.exp(-gone))
 
 
-def elements(motion, joint: int, length: float, ratio: float, tilt: float) -> np.ndarray:
+def elements(motion: Motion, joint: int, length: float, ratio: float, tilt: float) -> np.ndarray:
     """z (n,) of three elasto-plastic elements: u falls to u - d / length_k, until nothing is left."""
-    parts = zip((1 - tilt, 1.0, 1 + tilt), (length / ratio, length, length * ratio), strict=True)
-    return sum(
-        weight / 3 * _strokes(motion, joint, each, lambda u, gone: np.maximum(u - gone, 0.0)) for weight, each in parts
-    )
+    z = np.zeros(len(motion.time))
+    for weight, each in zip((1 - tilt, 1.0, 1 + tilt), (length / ratio, length, length * ratio), strict=True):
+        z += weight / 3 * _strokes(motion, joint, each, lambda u, gone: np.maximum(u - gone, 0.0))
+    return z
 
 
-def _strokes(motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
-    """State z (n,) over each run from z = 0, exact for a constant direction between samples; left(u, gone): what is
-    left of
-    u = 1 - z sgn(dq) after distances in one direction, in lengths. Moves below the standstill noise count too.
+def _strokes(motion: Motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
+    """State z (n,) over each run from z = 0, exact for a constant direction between samples.
+
+    left(u, gone): the remainder of u = 1 - z sgn(dq) after distances in one direction, in units of the length. Moves
+    below the standstill noise count as well.
     """
     out = np.empty(len(motion.time))
     for a, b in motion.bounds:
@@ -219,7 +221,7 @@ def _strokes(motion, joint: int, length: float, left: Callable[[float, np.ndarra
         edges = np.r_[0, np.flatnonzero(np.diff(np.sign(move)) != 0) + 1, b - a]
         z = 0.0
         for start, stop in itertools.pairwise(edges):
-            toward, gone = np.sign(move[start]), np.cumsum(np.abs(move[start:stop]))
+            toward, gone = float(np.sign(move[start])), np.cumsum(np.abs(move[start:stop]))
             out[a + start : a + stop] = toward - toward * left(1 - toward * z, gone) if toward else z
-            z = out[a + stop - 1]
+            z = float(out[a + stop - 1])
     return out

@@ -1,11 +1,13 @@
 """The effects that are known: those of the contract, and those of a user's own file."""
 
 import importlib.util
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from inspect import isfunction
 from numbers import Real
 from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from cosim.effects.speed import CoulombAsymmetry, QuadraticDrag, Stribeck, Torqu
 from cosim.effects.surroundings import ExternalContact, FrictionDrift, JointCoupling
 from cosim.effects.transmission import Backlash, JointElasticity
 from cosim.errors import InputError, Problem
+from cosim.measured.label import Label
 
 BUILT_IN = (
     Stribeck(),
@@ -89,8 +92,9 @@ def load_effects(path: Path | str) -> tuple[Effect, ...]:
     return found
 
 
-def _module(path: Path):
+def _module(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None, "a file named .py has a loader"
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -100,11 +104,11 @@ def _module(path: Path):
 
 
 def _made(kind: type[Effect], path: Path) -> Effect:
-    """An instance of the class with its own methods watched."""
+    """An instance of the class, whose own methods are checked when they are called."""
     methods = [name for name, value in vars(Effect).items() if isfunction(value) and getattr(kind, name) is not value]
-    watched = {name: _watched(getattr(kind, name), f"{path}: {kind.__name__}.{name}") for name in methods}
+    checked = {name: _checked(getattr(kind, name), f"{path}: {kind.__name__}.{name}") for name in methods}
     try:
-        return type(kind.__name__, (kind,), watched | {"__module__": kind.__module__})()
+        return type(kind.__name__, (kind,), checked | {"__module__": kind.__module__})()
     except (Exception, SystemExit) as error:
         raise InputError(
             Problem(
@@ -113,13 +117,16 @@ def _made(kind: type[Effect], path: Path) -> Effect:
         ) from error
 
 
-def _watched(method, where: str):
-    """The method, with what it raises, or gives that is not what is expected, told as an InputError that names it."""
+def _checked(method: Callable[..., Any], where: str) -> Callable[..., Any]:
+    """The method; what it raises, or returns against its description, becomes an InputError that names it.
+
+    Labels may be given as texts, such as "stribeck[2]".
+    """
 
     @wraps(method)
-    def call(self, *arguments):
+    def call(self: Effect, *arguments: Any) -> Any:
         try:
-            value = method(self, *arguments)
+            value = _with_labels(method.__name__, method(self, *arguments))
             expected, holds = _EXPECTED.get(method.__name__, ("", lambda value, arguments: True))
             good = holds(value, arguments)
         except InputError:
@@ -133,27 +140,39 @@ def _watched(method, where: str):
     return call
 
 
+def _with_labels(name: str, value: Any) -> Any:
+    """What a method returned, with labels in the place of texts."""
+    if name in ("labels", "theta_labels") and isinstance(value, tuple | list):
+        return tuple(Label.read(text) if isinstance(text, str) else text for text in value)
+    if name == "parameters" and isinstance(value, Mapping):
+        return {Label.read(key) if isinstance(key, str) else key: number for key, number in value.items()}
+    return value
+
+
 def _shown(value: object) -> str:
     """The value, of columns their kinds and shapes."""
     if isinstance(value, Mapping):
-        value = {j: f"{x.dtype} {x.shape}" if isinstance(x, np.ndarray) else x for j, x in value.items()}
+        value = {
+            str(key) if isinstance(key, Label) else key: f"{x.dtype} {x.shape}" if isinstance(x, np.ndarray) else x
+            for key, x in value.items()
+        }
     return repr(value)[:120]
 
 
-def _finite(value: object) -> bool:
-    return isinstance(value, Real) and bool(np.isfinite(value))
+def _finite(value: object) -> TypeGuard[float]:
+    return isinstance(value, Real) and bool(np.isfinite(float(value)))
 
 
-def _is_real(value: object) -> bool:
+def _is_real(value: object) -> TypeGuard[np.ndarray]:
     """A NumPy array of finite real numbers."""
     return isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and bool(np.isfinite(value).all())
 
 
-def _is_precision(value: object, arguments: tuple) -> bool:
+def _is_precision(value: object, arguments: tuple[Any, ...]) -> bool:
     return _is_real(value) and value.shape == (arguments[0],) and bool((value >= 0).all())
 
 
-def _are_columns(value: object, arguments: tuple) -> bool:
+def _are_columns(value: object, arguments: tuple[Any, ...]) -> bool:
     scene, *_ = arguments
     if (
         not isinstance(value, Mapping)
@@ -166,7 +185,7 @@ def _are_columns(value: object, arguments: tuple) -> bool:
     return len(shapes) == 1 and len(shape := shapes.pop()) == 2 and shape[0] == len(scene.motion.time) and shape[1] > 0
 
 
-def _are_all_columns(value: object, arguments: tuple) -> bool:
+def _are_all_columns(value: object, arguments: tuple[Any, ...]) -> bool:
     return (
         isinstance(value, list)
         and len(value) == len(arguments[-1])
@@ -174,29 +193,29 @@ def _are_all_columns(value: object, arguments: tuple) -> bool:
     )
 
 
-def _are_laws(value: object, arguments: tuple) -> bool:
+def _are_laws(value: object, arguments: tuple[Any, ...]) -> bool:
     return isinstance(value, Mapping) and all(
         isinstance(words, str) and _are_columns({0: x}, arguments) for words, x in value.items()
     )
 
 
-def _are_texts(value: object, arguments: tuple) -> bool:
-    return isinstance(value, tuple | list) and all(isinstance(text, str) for text in value)
+def _are_labels(value: object, arguments: tuple[Any, ...]) -> bool:
+    return isinstance(value, tuple) and all(isinstance(label, Label) for label in value)
 
 
-def _are_values(value: object, arguments: tuple) -> bool:
+def _are_values(value: object, arguments: tuple[Any, ...]) -> bool:
     return isinstance(value, Mapping) and all(
-        isinstance(name, str) and _finite(number) for name, number in value.items()
+        isinstance(label, Label) and _finite(number) for label, number in value.items()
     )
 
 
-def _is_grid(value: object, arguments: tuple) -> bool:
+def _is_grid(value: object, arguments: tuple[Any, ...]) -> bool:
     return isinstance(value, tuple | list) and all(
         isinstance(theta, tuple) and all(map(_finite, theta)) for theta in value
     )
 
 
-def _are_joint_sets(value: object, arguments: tuple) -> bool:
+def _are_joint_sets(value: object, arguments: tuple[Any, ...]) -> bool:
     known = set(range(arguments[0].joints))
     return isinstance(value, tuple | list) and all(
         isinstance(joints, tuple) and joints and known.issuperset(joints) for joints in value
@@ -205,14 +224,14 @@ def _are_joint_sets(value: object, arguments: tuple) -> bool:
 
 _COLUMNS = "joint (from 0) -> array (n, k) of finite numbers, n the rows of scene.motion.time, the same k for all"
 _TEXT = ("a text", lambda value, arguments: isinstance(value, str))
-_EXPECTED = {
+_EXPECTED: dict[str, tuple[str, Callable[[object, tuple[Any, ...]], bool]]] = {
     "precision": ("an array (count,) of finite numbers >= 0", _is_precision),
     "handicap": ("a finite number > 0", lambda value, arguments: _finite(value) and value > 0),
     "columns": (_COLUMNS, _are_columns),
     "columns_of_all": (f"a list with the columns of each theta, {_COLUMNS}", _are_all_columns),
     "other_laws": ("text -> array (n, k) of finite numbers", _are_laws),
-    "labels": ("texts in a tuple", _are_texts),
-    "theta_labels": ("texts in a tuple", _are_texts),
+    "labels": ("texts in a tuple", _are_labels),
+    "theta_labels": ("texts in a tuple", _are_labels),
     "parameters": ("text -> finite number", _are_values),
     "grid": ("tuples of finite numbers in a tuple", _is_grid),
     "joint_sets": ("tuples of joints (from 0) of the device in a tuple", _are_joint_sets),

@@ -1,12 +1,17 @@
 """Effects of the speed of a joint: offset, asymmetries, Stribeck, quadratic drag."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Theta
+from cosim.effects.scene import Scene
+from cosim.measured.label import Label
 
-ENDED = 0.5  # Stribeck speed over the largest speed: from here on the end of its fall is not seen
-CLEAR = 3.0  # times the Stribeck speed that are seen: from here on the curve is a law of the low speeds
-POWERS = (1.5, 3.0)  # of the speed, of laws that a quadratic drag is told from
+ENDED = 0.5  # Stribeck speed over the largest speed: above it the end of its fall is not seen
+CLEAR = 3.0  # times the Stribeck speed that are seen: above it the curve is a law of the low speeds
+POWERS = (1.5, 3.0)  # of the speed, of laws that a quadratic drag is compared with
 RISEN = 0.5  # the smooth sign of the friction law at the Stribeck speed
 
 
@@ -27,10 +32,10 @@ class TorqueOffset(Effect):
         Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
     )
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: np.ones((len(scene.motion.time), 1))}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("torque_offset", joints),)
 
 
@@ -51,10 +56,10 @@ class CoulombAsymmetry(Effect):
         Alias("viscous_asymmetry", "both directions at clearly different speeds"),
     )
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: scene.sign[:, joints] ** 2}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("coulomb_asymmetry", joints),)
 
     def unphysical(self, estimate: EffectEstimate) -> str:
@@ -75,10 +80,10 @@ class ViscousAsymmetry(Effect):
     unit = "N.m.s/rad"
     aliases = (Alias("torque_offset", "both directions at clearly different speeds"),)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: np.abs(scene.motion.dq[:, joints])}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("viscous_asymmetry", joints),)
 
 
@@ -97,26 +102,26 @@ class Stribeck(Effect):
         Alias("quadratic_drag", "speeds above 3 rad/s"),
     )
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         low, high = scene.speed_range(joints[0])
         speeds = np.geomspace(max(1.5 * low, 0.02 * high), 0.7 * high, 9)
         return tuple((float(v), d) for v in speeds for d in (2.0, 1.0))
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0,)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         speed, exponent = theta
         ratio = np.abs(scene.motion.dq[:, joints]) / speed
         return {joints[0]: np.exp(-(ratio**exponent)) * scene.sign[:, joints]}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("stribeck", joints),)
 
-    def theta_labels(self, joints):
+    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return (per_joint("stribeck_velocity", joints), per_joint("stribeck_exponent", joints))
 
-    def vague(self, scene, joints, theta):
+    def vague(self, scene: Scene, joints: Joints, theta: Theta) -> str:
         seen = scene.speed_range(joints[0])[1] / theta[0]
         return (
             ""
@@ -155,14 +160,14 @@ class QuadraticDrag(Effect):
     unit = "N.m.s2/rad2"
     aliases = (Alias("stribeck", "speeds above 3 rad/s"),)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         dq = scene.motion.dq[:, joints]
         return {joints[0]: dq * np.abs(dq)}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("quadratic_drag", joints),)
 
-    def other_laws(self, scene, joints):
+    def other_laws(self, scene: Scene, joints: Joints) -> Mapping[str, np.ndarray]:
         dq = scene.motion.dq[:, joints]
         return {f"a drag by the power {power:g} of the speed": dq * np.abs(dq) ** (power - 1) for power in POWERS}
 

@@ -1,37 +1,25 @@
 """Effects of time and of the outside: friction drift, undeclared contact, coupling between joints."""
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
-from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Theta
+from cosim.effects.moving_arm import MovingArm
+from cosim.effects.scene import Scene
+from cosim.measured.label import Label
 
-_PLACES: WeakKeyDictionary = WeakKeyDictionary()
-
-
-def _tip(motion) -> tuple[np.ndarray, np.ndarray]:
-    """Tip position (n, 3) [m] and Jacobian (n, 3, 3) along the motion, formed once."""
-    if motion not in _PLACES:
-        from cosim.arm.kinematics import forward, jacobian
-
-        _PLACES[motion] = forward(motion.q), jacobian(motion.q)
-    return _PLACES[motion]
-
-
-DAMPED = 0.15  # of a wall's spring force: a damping below that is not told from none, whatever its sign
+DAMPED = 0.15  # of a wall's spring force: a smaller damping is indistinguishable from none, whatever its sign
 LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
-UNUSUAL = (
-    1.1  # times the squared error of another time constant than the usual one: by as much it may do better by chance
-)
+UNUSUAL = 1.1  # times the squared error of another time constant than the usual one, which chance alone may improve
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
 class FrictionDrift(Effect):
     """Friction that changes over the recording, as by warming up; theta = (time constant T [s],).
 
-    A half of a recording hardly tells T, and what it says of it goes astray on the other half. T is the recording's
-    length, between a
-    drift that goes on as it began and one that is over, unless another leaves clearly less.
+    Half of a recording hardly determines T, and its estimate misfits the other half. T is therefore the length of the
+    recording, between a drift that goes on as it began and one that has ended, unless another leaves a clearly smaller
+    error.
     """
 
     name = "friction_drift"
@@ -40,22 +28,22 @@ class FrictionDrift(Effect):
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
-    # of the first slope: T half or twice as long changes it by a quarter either way where the growth is the same
+    # of the initial slope: for the same growth, half or twice T changes it by a quarter either way
     form = 0.12
     aliases = ()
     needs = "repeats of the same motion at different times"
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         train = scene.motion.time[~scene.motion.test]
         return "" if np.ptp(train) >= 8.0 else "less than eight seconds of fitted recording"
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         return tuple((float(share * np.ptp(scene.motion.time)),) for share in (1.0, LASTING, 2.0, 0.5, 0.2, 0.08))
 
     def handicap(self, scene: Scene, theta: Theta) -> float:
         return 1.0 if np.isclose(theta[0], np.ptp(scene.motion.time)) else UNUSUAL
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         m, j = scene.motion, joints[0]
         clock = m.time - m.time.min()
         grown = theta[0] * -np.expm1(-clock / theta[0])[:, None]
@@ -64,10 +52,10 @@ class FrictionDrift(Effect):
             * (max(scene.coulomb[j], 1e-9) * scene.sign[:, joints] + max(scene.viscous[j], 0.0) * m.dq[:, joints])
         }
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("friction_drift", joints),)
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         slope = {per_joint("friction_drift", estimate.joints): float(estimate.beta[0])}
         if estimate.theta[0] > 0.1 * LASTING * np.ptp(estimate.scene.motion.time):
             return slope
@@ -79,6 +67,11 @@ class FrictionDrift(Effect):
         return "friction would fall below zero" if end < -0.2 else ""
 
 
+def _arm(scene: Scene) -> MovingArm:
+    assert scene.arm is not None, "only an arm has a set of joints for a contact of its tip"
+    return scene.arm
+
+
 class ExternalContact(Effect):
     """The tip touches something that was not declared: a wall of stiffness k; theta = (normal n, distance d [m], lead
     [s]).
@@ -88,8 +81,8 @@ class ExternalContact(Effect):
     """
 
     name = "external_contact"
-    # on rigs without noise both parameters are within half of that; a wall has little in common with the law of
-    # friction
+    # on simulated arms without noise both parameters err by less than half of that: the form of the friction law
+    # hardly matters for a wall
     form = 0.01
     title = "undeclared contact of the tip"
     equation = "tau += J^T n max(k (n.x - d) + c n.dx, 0) where n.x > d, k > 0"
@@ -98,11 +91,11 @@ class ExternalContact(Effect):
     aliases = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
     needs = "recorded tip force, or a contact that is entered and left several times"
 
-    def joint_sets(self, scene: Scene):
-        return ((0, 1, 2),) if scene.device == "phantom" else ()
+    def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
+        return scene.whole_arm
 
-    def grid(self, scene: Scene, joints) -> tuple[Theta, ...]:
-        x, _ = _tip(scene.motion)
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
+        x = _arm(scene).tip
         normals = np.array([n for n in np.ndindex(3, 3, 3) if n != (1, 1, 1)]) - 1.0
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         out = []
@@ -112,10 +105,10 @@ class ExternalContact(Effect):
                 out.append((*map(float, n), float(d), 0.0))
         return tuple(out)
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0, 1, 2, 3, 4)
 
-    def moved(self, theta, index, step):
+    def moved(self, theta: Theta, index: int, step: float) -> Theta:
         n = np.array(theta[:3])
         if index == 3:
             return (*theta[:3], theta[3] + 0.04 * step, theta[4])
@@ -124,13 +117,13 @@ class ExternalContact(Effect):
         n[index] += step
         return (*map(float, n / max(np.linalg.norm(n), 1e-9)), *theta[3:])
 
-    def columns(self, scene, joints, theta):
-        x, jacobian = _tip(scene.motion)
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
+        x, jacobian = _arm(scene).tip, _arm(scene).jacobian
         n, d, ahead = np.array(theta[:3]), theta[3], theta[4]
         arm = n @ jacobian
         depth, speed = x @ n - d, np.einsum("nj,nj->n", arm, scene.motion.dq)
         pushes = (depth > 0) & (depth + ahead * speed > 0)
-        return {j: arm[:, [j]] * np.where(pushes, (depth, speed), 0.0).T for j in range(3)}
+        return {j: arm[:, [j]] * np.where(pushes, (depth, speed), 0.0).T for j in joints}
 
     def _damped(self, estimate: EffectEstimate) -> float:
         """Size of the force of damping beside that of the spring."""
@@ -139,22 +132,23 @@ class ExternalContact(Effect):
         ).T
         return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
 
-    def labels(self, joints, theta):
-        return ("contact_stiffness", "contact_damping")
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label("contact_stiffness"), Label("contact_damping"))
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         values = super().parameters(estimate)
-        return values | {"contact_damping": max(values["contact_damping"], 0.0)}
+        damping = Label("contact_damping")
+        return values | {damping: max(values[damping], 0.0)}
 
-    def theta_labels(self, joints):
-        return ("contact_normal[1]", "contact_normal[2]", "contact_normal[3]", "contact_distance")
+    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
+        return (*(Label("contact_normal", k) for k in (1, 2, 3)), Label("contact_distance"))
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         if estimate.beta[0] < 0:
             return "a wall that pulls"
         if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
             return "damping of the wall that feeds energy in"
-        x, _ = _tip(estimate.scene.motion)
+        x = _arm(estimate.scene).tip
         inside = float((x @ np.array(estimate.theta[:3]) > estimate.theta[3]).mean())
         return (
             f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a contact"
@@ -167,9 +161,8 @@ class JointCoupling(Effect):
     """A torque on one joint from the motion of another; theta = (joint, shape, speed v over which the Coulomb part
     turns).
 
-    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own: what couples the joints need not turn with the other joint's
-    own friction,
-    whose law is fitted without the rows near its reversals.
+    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own, since the coupling need not follow the friction law of the
+    other joint, which is fitted without the rows near its reversals.
     """
 
     name = "joint_coupling"
@@ -187,7 +180,7 @@ class JointCoupling(Effect):
     )  # of the other joint's top speed, over which the coupled Coulomb friction turns, to start from
     SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded signal may follow
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         if scene.joints == 1:
             return tuple((-1.0 - k, float(v)) for k in range(len(_speeds(scene))) for v in range(len(self.SHARED)))
         others = [j for j in range(scene.joints) if j != joints[0]]
@@ -198,10 +191,10 @@ class JointCoupling(Effect):
         ]
         return tuple((float(j), float(k), w * scene.speed_range(j)[1]) for j in others for k, w in shapes)
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (2,) if theta[0] >= 0 and theta[2] > 0 else ()
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         if theta[0] < 0:
             return {joints[0]: self._beside(scene, int(-theta[0] - 1), self.SHARED[int(theta[1])])}
         j, shape = int(theta[0]), self.SHAPES[int(theta[1])]
@@ -222,10 +215,10 @@ class JointCoupling(Effect):
         width = 0.02 * np.percentile(np.abs(speed), 99)
         return np.concatenate([speed, speed / np.sqrt(speed**2 + max(width, 1e-12) ** 2)], axis=1)
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         if theta[0] < 0:
             speed = self.SHARED[int(theta[1])]
-            return (f"coupling_viscous of {speed}", f"coupling_coulomb of {speed}")
+            return (Label(f"coupling_viscous of {speed}"), Label(f"coupling_coulomb of {speed}"))
         k = PAIRS.index((joints[0], int(theta[0]))) + 1
         shape = self.SHAPES[int(theta[1])]
         names = {
@@ -234,16 +227,16 @@ class JointCoupling(Effect):
             "both": ("viscous", "coulomb"),
             "spring": ("stiffness",),
         }[shape]
-        return tuple(f"coupling_{n}[{k}]" for n in names)
+        return tuple(Label(f"coupling_{n}", k) for n in names)
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         joints, theta = estimate.joints, estimate.theta
         values = dict(zip(self.labels(joints, theta), map(float, estimate.beta), strict=True))
         if self.continuous(theta):
-            values[f"coupling_velocity[{PAIRS.index((joints[0], int(theta[0]))) + 1}]"] = theta[2]
+            values[Label("coupling_velocity", PAIRS.index((joints[0], int(theta[0]))) + 1)] = theta[2]
         return values
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if self.grid(scene, joints) else "no speed of another joint recorded"
 
 

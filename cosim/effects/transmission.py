@@ -7,63 +7,39 @@ order.
 
 from collections.abc import Sequence
 from ctypes import CDLL, c_double, c_void_p
-from functools import lru_cache
-from weakref import WeakKeyDictionary
+from functools import cache
 
 import numpy as np
 from attrs import frozen
 
-from cosim.effects.effect import Alias, Effect, EffectEstimate, Scene, Theta, per_joint
+from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
+from cosim.effects.motion import Columns, Joints, Theta
+from cosim.effects.scene import LinkStart, Scene
+from cosim.measured.label import Label
 
 _OTHER = "an encoder on the link, or excitation near the resonance"
-_SLOPES: WeakKeyDictionary = WeakKeyDictionary()
 SLOWEST = 15.0  # rad/s, resonance of a joint that a servo could still hold
 USUAL_SHARE = 0.35  # motor's share of a joint's inertia to start from
-STIFF = (
-    70.0,
-    180.0,
-    450.0,
-)  # rad/s, of a link against the side of a gap; smoothed motion hides how often it bounces: well damped
+STIFF = (70.0, 180.0, 450.0)
+"""Resonances [rad/s] of a link against the side of a gap; smoothed motion hides how often it bounces: well damped."""
 DAMPINGS = (0.04, 0.2)  # damping ratios to start from
 MOST_STEPS = 500  # a sample; a link too light for them runs away and gives no column
 USUAL_START = 0.3  # standard deviation of what is not known of a start, in units of the usual twist
 ONE_SIDED = 0.02  # share of rows with the other sign below which a torque is taken to have one
 STARTS = 10  # runs whose start has columns of its own
-EDGE, SLIDING = 3.5, 0.9  # filter widths of a run's edge; mean sign of the speed there, above which the joint moves
 SMALL, CALM = 0.2, 0.5  # step of the simulated link times w, and times the rate at which damping alone calms it
 
 
-def slopes(scene: Scene, joint: int) -> tuple[dict[int, np.ndarray], ...]:
-    """Derivatives of the rigid torque by q_j, dq_j and ddq_j along the motion, each joint -> (n,), formed once for a
-    scene.
-    """
-    known = _SLOPES.setdefault(scene, {})
-    if joint not in known:
-        known[joint] = scene.rigid_slopes(joint)
-    return known[joint]
-
-
 def displaced(scene: Scene, joint: int, shift: np.ndarray) -> dict[int, np.ndarray]:
-    """Columns of small displacements shift (n, k) of one joint behind its encoder, on every joint that feels it."""
+    """Columns of small displacements shift (n, k) of one joint behind its encoder, on every joint that they act on."""
     rate = scene.motion.rate(shift)
-    moved, out = (shift, rate, scene.motion.rate(rate)), {}
-    for by, change in zip(slopes(scene, joint), moved, strict=True):
+    moved = (shift, rate, scene.motion.rate(rate))
+    out: dict[int, np.ndarray] = {}
+    for by, change in zip(scene.joint(joint).slopes, moved, strict=True):
         for j, slope in by.items():
             part = slope[:, None] * change
             out[j] = out[j] + part if j in out else part
     return dict(sorted(out.items()))
-
-
-def inertia(scene: Scene, joint: int) -> tuple[np.ndarray, float]:
-    """The joint's own inertia (n,) along the motion, at least a tenth of its median on fitted rows, and that median
-    [kg.m^2].
-    """
-    known = _SLOPES.setdefault(scene, {})
-    if ("inertia", joint) not in known:
-        own = slopes(scene, joint)[2][joint]
-        usual = max(float(np.median(own[~scene.motion.test])), 1e-12)
-        known["inertia", joint] = np.maximum(own, 0.1 * usual), usual
-    return known["inertia", joint]
 
 
 class JointElasticity(Effect):
@@ -71,10 +47,11 @@ class JointElasticity(Effect):
     share s of M).
 
     With the twist t = q_motor - q_link, the motor's inertia J = s M and the stiffness k = (1 - s) M w^2 at the median M
-    of the motion,
-    and the link's own torque tau_l = rigid torque - J ddq:
-    (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the
-    motion.
+    of the motion, and the link's own torque tau_l = rigid torque - J ddq,
+
+        (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor),
+
+    linear in t with coefficients that vary along the motion.
     """
 
     name = "joint_elasticity"
@@ -90,44 +67,44 @@ class JointElasticity(Effect):
     relatives = ("backlash", "actuator_lag")
     needs = "fast excitation, or gravity that changes with the angle"
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if scene.rigid_slopes is not None else "the device has no equations of motion to bend"
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         """Resonances as far apart as their peak is wide: beside it the motion of the link is out of phase."""
         return tuple((float(w), z, USUAL_SHARE) for z in DAMPINGS for w in _resonances(scene, 1 + 2 * z))
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0, 1, 2)
 
-    def moved(self, theta, index, step):
+    def moved(self, theta: Theta, index: int, step: float) -> Theta:
         w, z, share, *gap = super().moved(theta, index, step)
         return (w, float(np.clip(z, 0.005, 2.0)), float(np.clip(share, 0.02, 0.95)), *gap)
 
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return behind(scene, joints[0], (theta,))[0]
 
-    def columns_of_all(self, scene, joints, thetas):
+    def columns_of_all(self, scene: Scene, joints: Joints, thetas: Sequence[Theta]) -> Sequence[Columns]:
         if type(self).columns is not JointElasticity.columns:  # an effect of a user's own
             return super().columns_of_all(scene, joints, thetas)
         return behind(scene, joints[0], thetas)
 
-    def labels(self, joints, theta):
-        return ("share of the link's torque",)  # the columns after it are starts of runs
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label("share of the link's torque"),)  # the columns after it are starts of runs
 
-    def precision(self, count):
-        """Only the first blocks of a run tell its start; it is a share of the twist that the motion makes."""
+    def precision(self, count: int) -> np.ndarray:
+        """A prior for the start of each run, which only its first blocks show: a share of the usual twist."""
         return np.r_[0.0, np.full(count - 1, 1 / USUAL_START**2)]
 
-    def amount(self, beta, theta):
+    def amount(self, beta: np.ndarray, theta: Theta) -> np.ndarray:
         return beta[:1]
 
-    def parameters(self, estimate: EffectEstimate) -> dict[str, float]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         """Compliance [rad/(N.m)], the motor's inertia [kg.m^2], damping [N.m.s/rad] at the median inertia of the
         motion; gap [rad].
         """
         (w, z, _, *gap), joints = estimate.theta, estimate.joints
-        _, whole = inertia(estimate.scene, joints[0])
+        whole = estimate.scene.joint(joints[0]).usual_inertia
         link = whole * float(np.clip(_links_part(estimate), 0.02, 0.98))
         values = {
             "joint_compliance": 1 / (link * w**2),
@@ -155,8 +132,8 @@ def _resonances(scene: Scene, ratio: float) -> np.ndarray:
 
 
 def pressed(scene: Scene, joint: int) -> int:
-    """Sign of the torque that a joint transmits where it hardly has the other one, so that a gap stays pressed to one
-    side; else 0.
+    """The sign of the torque that a joint transmits where it hardly ever has the other sign, so that a gap stays
+    pressed to one side; else 0.
     """
     for sign in (1, -1):
         if (sign * scene.rigid[:, joint] < 0).mean() < ONE_SIDED:
@@ -176,56 +153,20 @@ class Backlash(JointElasticity):
     relatives = ("joint_elasticity", "time_delay")
     needs = "a transmitted torque that changes sign"
 
-    def untestable(self, scene: Scene, joints: tuple[int, ...]) -> str:
+    def untestable(self, scene: Scene, joints: Joints) -> str:
         if scene.rigid_slopes is None:
             return "the device has no equations of motion to displace"
         return "the transmitted torque hardly changes sign" if pressed(scene, joints[0]) else ""
 
-    def grid(self, scene: Scene, joints: tuple[int, ...]) -> tuple[Theta, ...]:
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         gaps = scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 6)
         return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.15, 0.6) for g in gaps)
 
-    def continuous(self, theta):
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (3, 0, 1, 2)
 
-    def labels(self, joints, theta):
-        return ("share of the link's torque",)
-
-
-@frozen
-class _LinkStart:
-    """Where the simulation of a run begins: its row; what motor and friction leave of the torque, and the acceleration,
-    with their rates.
-    """
-
-    row: int
-    torque: np.ndarray | None = None  # (2,) value and rate; None where the joint stands
-    acceleration: np.ndarray | None = None
-
-    def state(self, spring: tuple[float, float, float], motor: float, resting: float) -> tuple[float, float]:
-        """Twist and its rate: what the spring transmits is seen at the motor, k t + c t' = torque - J ddq. At rest the
-        spring carries
-        the link's own torque `resting`.
-        """
-        stiffness, damping, gap = spring
-        value, rate = (resting, 0.0) if self.torque is None else self.torque - motor * self.acceleration
-        return (value - damping / stiffness * rate) / stiffness + float(np.copysign(gap / 2, value)), rate / stiffness
-
-
-def _starts(scene: Scene, joint: int) -> tuple[_LinkStart, ...]:
-    """One for each run, behind the reach of the filter's edge, formed once for a scene."""
-    known = _SLOPES.setdefault(scene, {})
-    if ("starts", joint) not in known:
-        m, reach = scene.motion, int(np.ceil(EDGE * scene.motion.widths.first / scene.motion.step))
-        seen = np.stack((m.tau[:, joint] - scene.friction[:, joint], m.ddq[:, joint]), axis=1)
-        rate, starts = m.rate(seen), []
-        for a, b in m.bounds:
-            row = min(a + reach, b - 1)
-            slides = abs(scene.sign[a : row + reach, joint].mean()) > SLIDING
-            both = np.stack((seen[row], rate[row]), axis=1)
-            starts.append(_LinkStart(row, *both) if slides else _LinkStart(a))
-        known["starts", joint] = tuple(starts)
-    return known["starts", joint]
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (Label("share of the link's torque"),)
 
 
 @frozen
@@ -250,7 +191,7 @@ class _SimulatedLink:
         own = (1 - share) * self.usual
         return own * w**2, 2 * z * w * own, gap[0] if gap else 0.0
 
-    def lane(self, start: _LinkStart, resting: float, lightest: float, drag: float, step: float) -> tuple[float, ...]:
+    def lane(self, start: LinkStart, resting: float, lightest: float, drag: float, step: float) -> tuple[float, ...]:
         """Its numbers for a run; lightest [kg.m^2], drag [N.m.s/rad]: extremes along the motion that set its steps per
         sample.
         """
@@ -264,18 +205,16 @@ class _SimulatedLink:
 
 
 def behind(scene: Scene, joint: int, thetas: Sequence[Theta]) -> list[dict[int, np.ndarray]]:
-    """For each theta, columns of a link that follows its motor through spring and gap, on every joint that feels it:
-    torque with it less
-    torque without.
+    """For each theta, columns of a link that follows its motor through spring and gap: the torque with it less the
+    torque without, on every joint that it acts on.
 
-    A run that starts at rest starts against the side that the torque pushes to; one that starts in motion with the
-    twist that its torque
-    shows. Without a gap everything is linear, and two more columns for each run (the first `STARTS`) are what the link
-    adds that
-    swings at its start, by its angle and by its speed.
+    A run that starts at rest starts on the side of the gap that the torque pushes to; one that starts in motion starts
+    with the twist that its torque shows. Without a gap everything is linear, and two more columns for each of the first
+    `STARTS` runs are what a link adds that swings at the start, by its angle and by its speed.
     """
-    motion, (_, usual) = scene.motion, inertia(scene, joint)
-    links, first = [], []
+    motion, usual = scene.motion, scene.joint(joint).usual_inertia
+    links: list[_SimulatedLink] = []
+    first: list[int] = []
     for theta in thetas:
         w, _, share, *gap = theta
         first.append(len(links))
@@ -298,7 +237,8 @@ def behind(scene: Scene, joint: int, thetas: Sequence[Theta]) -> list[dict[int, 
 
 def _swung(scene: Scene, joint: int, links: list[_SimulatedLink]) -> dict[int, np.ndarray]:
     """Columns (n, links) of simulated links; zero before the start of each run and for a link that runs away."""
-    motion, (mass, _), (by_q, by_dq, _) = scene.motion, inertia(scene, joint), slopes(scene, joint)
+    motion, own = scene.motion, scene.joint(joint)
+    mass, (by_q, by_dq, _) = own.inertia, own.slopes
     none = np.zeros(len(mass))
     along = [
         np.ascontiguousarray(x)
@@ -308,7 +248,7 @@ def _swung(scene: Scene, joint: int, links: list[_SimulatedLink]) -> dict[int, n
     alone = (rigid[:, None] - acceleration[:, None] * [x.motor for x in links]) * [float(x.driven) for x in links]
     twist, transmitted = np.zeros_like(alone), alone.copy()
     extremes = float(mass.min()), float(np.abs(along[1]).max()), motion.step
-    for (_, end), start in zip(motion.bounds, _starts(scene, joint), strict=True):
+    for (_, end), start in zip(motion.bounds, own.starts, strict=True):
         row = start.row
         lanes = np.array([x.lane(start, alone[row, k], *extremes) for k, x in enumerate(links)])
         _library().links_behind(
@@ -329,7 +269,7 @@ def _address(x: np.ndarray) -> c_void_p:
     return x.ctypes.data_as(c_void_p)
 
 
-@lru_cache
+@cache
 def _library() -> CDLL:
     from build_fmus.library import library_path, vectors
 

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_void_p
 from functools import cache
+from typing import cast
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, RunProgress, blamed, interrupted, keep, marked, watched
 from cosim.engine.reference import execute as execute_in_python
 from cosim.errors import RunError
-from cosim.fmu import Fmi2Instance, FmuInstance
+from cosim.fmu import Fmi2Instance, Fmi3Instance, FmuInstance
 from cosim.fmu.contract import Instance
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import Step, seconds
@@ -125,6 +126,11 @@ def applies(instances: Sequence[Instance]) -> bool:
     return all(isinstance(s, FmuInstance) and all(bank.shared for bank in s.setters + s.getters) for s in instances)
 
 
+def _as_fmus(instances: Sequence[Instance]) -> Sequence[FmuInstance]:
+    """The same instances, which `applies` has found to be FMUs."""
+    return cast(Sequence[FmuInstance], instances)
+
+
 # --- start ------------------------------------------------------------------------------------------------------------
 
 
@@ -220,6 +226,7 @@ def _native(instance: FmuInstance, offset: int, arena: Arena) -> _NativeInstance
         native.set2, native.get2 = instance.address("SetReal"), instance.address("GetReal")
         native.slopes2, native.step2 = instance.address("SetRealInputDerivatives"), instance.address("DoStep")
         return native
+    assert isinstance(instance, Fmi3Instance)
     native.set3, native.get3, native.step3 = (instance.address(f) for f in ("SetFloat64", "GetFloat64", "DoStep"))
     native.event, native.terminate, native.early = (ctypes.addressof(flag) for flag in instance.flags)
     native.reached = ctypes.addressof(instance.reached)
@@ -235,7 +242,7 @@ class _CompiledLoop:
     def __init__(self, job: Execution) -> None:
         self.arena, self.store = Arena(), job.store
         instances = (_NativeInstance * len(job.instances))(
-            *[_native(instance, offset, self.arena) for instance, offset in zip(job.instances, job.schedule.offset)]
+            *[_native(instance, at, self.arena) for instance, at in zip(_as_fmus(job.instances), job.schedule.offset)]
         )
         for component in job.schedule.remembered:
             instances[component].remembered = 1
@@ -286,7 +293,9 @@ class _CompiledLoop:
         if answer == _ENDED:
             return watched(job, done) or Ending(done, message="an FMU asked to end the run")
         if answer == _OUT_OF_BOUNDS:
-            return watched(job, done)
+            ending = watched(job, done)
+            assert ending is not None, "what the loop in C finds out of bounds is so in Python too"
+            return ending
         try:
             return self._refused(job, done)
         except RunError as error:
@@ -296,7 +305,7 @@ class _CompiledLoop:
     def _refused(self, job: Execution, done: int) -> Ending:
         """Raises what the instance itself would have raised for the call's status."""
         component, call, status = int(job.mark[1]), self.native.call, self.native.status
-        instance = job.instances[component]
+        instance = _as_fmus(job.instances)[component]
         instance.time = seconds(done, job.schedule.step_ns)
         if _CALLS[call] == "get outputs":
             instance.time += _step_size(job, component)
@@ -340,7 +349,7 @@ class CompiledExecutor:
             self.applies = applies(instances)
         mark = marked() if mark is None else mark
         if self.applies:
-            self.begin = self.begin or _Begin(wiring, instances)
+            self.begin = self.begin or _Begin(wiring, _as_fmus(instances))
             if self.begin.run(wiring, mark):
                 return self.begin.store
         return initialise_in_python(wiring, instances, mark)

@@ -20,10 +20,10 @@ def wired(wiring: Wiring, instances: Sequence[Instance]) -> None:
 
 
 def initialise(wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray | None = None) -> np.ndarray:
-    """Start every instance and carry outputs to inputs until nothing changes any more; the store at t = 0, (2n,).
+    """Start every instance and pass outputs on to inputs until nothing changes any more; the store at t = 0, (2n,).
 
-    Inputs are set once at least, and again where they changed.
-    Without algebraic loops this ends after at most as many rounds as there are components. Raises RunError.
+    Inputs are set at least once, and again where they changed. Without algebraic loops this takes at most as many
+    rounds as there are components. Raises RunError.
     """
     schedule, mark = wiring.schedule, marked() if mark is None else mark
     wired(wiring, instances)

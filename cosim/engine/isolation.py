@@ -1,9 +1,8 @@
-"""A run, or another use of FMUs, in a process of its own: an FMU that crashes takes neither the run's rows nor this
-process with it.
+"""A run, or another use of FMUs, in a process of its own, so that an FMU that crashes ends neither this process nor
+what was computed before.
 
-The table and the mark of the run (see cosim.engine.reference.marked) lie in memory that both processes share; only the
-child loads
-the FMUs. Where it dies, the mark says how far the run came and which FMU was at work.
+The table and the mark of the run (see cosim.engine.reference.marked) lie in memory that both processes share. Only the
+child process loads the FMUs; where it dies, the mark says how far the run came and which FMU was being called.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.process import BaseProcess
 
+Answer = TypeVar("Answer")
 _LOADING, _STARTING = -2, -1  # in place of the steps completed
 
 
@@ -44,12 +44,11 @@ def _distrusted(scenario: Scenario) -> bool:
     return any(component.fmu for component in scenario.components.values()) and hasattr(os, "fork")
 
 
-def called(action: Callable[[np.ndarray | None], object], scenario: Scenario, system: FmuSet, doing: str) -> object:
-    """What `action(mark)` gives, which uses the system's FMUs and says in the mark which is at work: called here, or in
-    a
-    process of its own where `runner` would run the scenario there. `doing`: that in words.
+def called(action: Callable[[np.ndarray | None], Answer], scenario: Scenario, system: FmuSet, doing: str) -> Answer:
+    """What `action(mark)` returns: an action that uses the system's FMUs and notes in the mark which one is at work.
 
-    Raises what it raises, and RunError where an FMU crashes.
+    It is called in this process, or in one of its own where `runner` would run the scenario in one. `doing` describes
+    the action for an error message. Raises what the action raises, and RunError where an FMU crashes.
     """
     if not _distrusted(scenario):
         return action(None)
@@ -71,7 +70,9 @@ def called(action: Callable[[np.ndarray | None], object], scenario: Scenario, sy
     return answer
 
 
-def _answer(pipe: Connection, action: Callable, system: FmuSet, wiring: Wiring, mark: np.ndarray) -> None:
+def _answer(
+    pipe: Connection, action: Callable[[np.ndarray], object], system: FmuSet, wiring: Wiring, mark: np.ndarray
+) -> None:
     """What the child of `called` does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -108,7 +109,7 @@ def _shared_mark() -> np.ndarray:
     return mark
 
 
-def _begun(target: Callable, *work) -> tuple[Connection, BaseProcess]:
+def _begun(target: Callable[..., None], *work: object) -> tuple[Connection, BaseProcess]:
     """A forked process that does `target(pipe, *work)`, and the end of its pipe that hears it."""
     from multiprocessing import get_context
 
@@ -127,7 +128,8 @@ def _watched(wiring: Wiring, mark: np.ndarray, progress: Callable[[RunProgress],
         while not isinstance(news := pipe.recv(), Ending):
             if isinstance(news, Exception):
                 raise news
-            progress(news)
+            if progress is not None:
+                progress(news)
         return news
     except EOFError:
         child.join()
@@ -142,7 +144,13 @@ def _watched(wiring: Wiring, mark: np.ndarray, progress: Callable[[RunProgress],
 
 
 def _work(
-    pipe: Connection, system: FmuSet, wiring: Wiring, record, rows: SignalTable, mark: np.ndarray, telling: bool
+    pipe: Connection,
+    system: FmuSet,
+    wiring: Wiring,
+    record: Sequence[str] | None,
+    rows: SignalTable,
+    mark: np.ndarray,
+    telling: bool,
 ) -> None:
     """What the child does: load the FMUs, run, tell, free them. Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -163,17 +171,17 @@ def _load(system: FmuSet, wiring: Wiring, mark: np.ndarray) -> None:
         system.instance(name, wiring.descriptions[name])
 
 
-def _crash(phase: str, code: int) -> str:
+def _crash(phase: str, code: int | None) -> str:
     return f"the FMU crashed while {phase} ({_words(code)}); ask its maker, or leave it out"
 
 
-def _words(code: int) -> str:
-    if code < 0:
+def _words(code: int | None) -> str:
+    if code is not None and code < 0:
         return f"signal {signal.Signals(-code).name}, {signal.strsignal(-code)}"
     return f"it ended the process, exit code {code}"
 
 
-def _crashed(wiring: Wiring, mark: np.ndarray, code: int) -> Ending:
+def _crashed(wiring: Wiring, mark: np.ndarray, code: int | None) -> Ending:
     """The ending of a run whose process died. Raises RunError where that was before t = 0."""
     component, done = list(wiring.scenario.components)[mark[1]], int(mark[0])
     experiment = wiring.scenario.experiment

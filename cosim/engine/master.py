@@ -43,8 +43,7 @@ class Result:
     """A run that was made. It ends early where the outcome says so; a run that fails or is interrupted keeps its rows.
 
     time: (n,) [s]; signals: name -> (n,) values, `arm_l.q[1]`; units: name -> unit; stopped_at: time of an early end
-    [s];
-    failure: the error that ended it.
+    [s]; failure: the error that ended it.
     """
 
     scenario: Scenario

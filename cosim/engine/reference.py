@@ -42,32 +42,27 @@ class RunProgress:
 
 @frozen
 class Watch:
-    """When a run ends before its time: an output of `domain` (places in the store) below 1, or any value beyond
-    `bound`.
-    """
+    """What ends a run early: an output of `domain` (places in the store) below 1, or any value beyond `bound`."""
 
     domain: tuple[int, ...]
     bound: float
 
 
 def marked() -> np.ndarray:
-    """A new mark: communication steps completed, number of the component at work; true at any time, should an FMU
-    crash.
+    """A new mark: the number of communication steps completed, and of the component that is being called.
+
+    It is kept up to date at every call, so that it tells where a run was when an FMU crashed.
     """
     return np.zeros(2, dtype=np.int64)
 
 
 @frozen
 class Execution:
-    """What an executor gets: the schedule, its instances (initialised), the store at t = 0, which of the recorded
-    signals to
-    keep, in which rows, until when.
+    """What an executor needs: the schedule, the initialised instances, the state at t = 0, and what to record.
 
-    store: (2n,) current and previous outputs, filled; table: (rows, columns) to fill, row 0 included; columns:
-    (columns,)
-    places among the n outputs; every: communication steps per row; steps: communication steps in all; drop: to be told
-    now
-    and then how many rows are filled; mark: (2,) where the run is (see `marked`).
+    store: (2n,) current and previous outputs at t = 0; table: (rows, columns) to fill, row 0 included; columns:
+    (columns,) which of the n outputs to record; every: communication steps per row; steps: communication steps in all;
+    drop: called now and then with the number of rows that are filled; mark: (2,) where the run is (see `marked`).
     """
 
     schedule: Schedule

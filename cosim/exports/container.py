@@ -1,17 +1,13 @@
 """The wired scenario as one container FMU, for tools that read no SSP: fmpy's container with our FMUs inside.
 
-fmpy's writer is used (its binaries exist for x86_64 Linux, Windows and macOS and for aarch64 macOS); around it stand
-what
-it leaves to do: the start values are compiled into the components, the first variable is the time (the binary counts
-so),
-connections carry the FMI 3.0 type name that its binary expects for FMI 2.0 too, and the archive is packed again so that
-its bytes are reproducible.
+fmpy writes the container (its binaries exist for x86_64 Linux, Windows and macOS and for aarch64 macOS). This module
+adds what fmpy leaves out: start values are compiled into the components, the first variable is the time (the binary
+expects it there), connections have the FMI 3.0 type name, which the binary expects for FMI 2.0 too, and the archive is
+packed again so that its bytes are reproducible.
 
-The container carries its connections over one after another, then steps every component. An output with direct
-feedthrough
-answers to an input that was set a moment before, so connections stand in an order that reads such outputs first: then
-the
-container does what the Jacobi algorithm with held inputs does.
+The container passes values along its connections one after another and then steps every component. An output with
+direct feedthrough reacts to an input that was set just before. The connections are therefore ordered so that such
+outputs are read first, and the container does what the Jacobi algorithm with held inputs does.
 """
 
 import tempfile
@@ -93,7 +89,10 @@ def _configuration(wiring: Wiring, fmus: Mapping[str, Path], fmi: int):
 
 
 def _read_first(wiring: Wiring) -> list[Link]:
-    """The links, deepest chain of direct feedthrough first: each source is read before its own inputs are set."""
+    """The links, those behind the longest chain of direct feedthrough first.
+
+    So each output is read before the inputs that act on it at once are set.
+    """
     into: dict[str, list[Link]] = {}
     for link in wiring.links:
         into.setdefault(link.target.component, []).append(link)

@@ -1,11 +1,10 @@
 """The wired scenario as an SSP 1.0 archive: structure, FMUs, parameter values (SSP 1.0, Modelica Association, 2019).
 
-Parameter values stand at their component, because some tools drop those of the system, and are compiled into the
-component's own FMU too, because some (libcosim) know no enumerations; so are the values that its inputs have at the
-start, because some carry them over in one pass only. The structure has no place for the master's
-algorithm: an annotation of the Open Simulation Platform names the communication step, one of ours algorithm,
-extrapolation
-and the order of the components, which `cosim.scenario.ssp` reads.
+Parameter values are written at their component, because some tools drop those of the system. They are compiled into the
+component's own FMU too, because some tools (libcosim) know no enumerations, and so are the values that its inputs have
+at the start, because some tools pass those on only once. SSP has no element for the master algorithm: an annotation of
+the Open Simulation Platform gives the communication step, and one of our own gives the algorithm, the extrapolation and
+the order of the components. `cosim.scenario.ssp` reads both.
 """
 
 from collections.abc import Mapping, Sequence
@@ -108,14 +107,16 @@ def system_structure(wiring: Wiring, descriptions: Mapping[str, FmuDescription])
     return xml.tostring(root, encoding="UTF-8", xml_declaration=True)
 
 
-def _element(qualified: str, parent=None, /, **attributes: str):
+def _element(qualified: str, parent: xml.Element | None = None, /, **attributes: object) -> xml.Element:
     prefix, local = qualified.split(":")
     tag = f"{{{_NAMESPACES[prefix]}}}{local}"
-    attributes = {key: str(value) for key, value in attributes.items() if value}
-    return xml.Element(tag, attributes) if parent is None else xml.SubElement(parent, tag, attributes)
+    texts = {key: str(value) for key, value in attributes.items() if value}
+    return xml.Element(tag, texts) if parent is None else xml.SubElement(parent, tag, texts)
 
 
-def _component(elements, name: str, source: str, description: FmuDescription, wiring: Wiring, place: int) -> None:
+def _component(
+    elements: xml.Element, name: str, source: str, description: FmuDescription, wiring: Wiring, place: int
+) -> None:
     component = _element(
         "ssd:Component",
         elements,
@@ -138,12 +139,14 @@ def _component(elements, name: str, source: str, description: FmuDescription, wi
     _parameters(component, name, description, wiring.starts[name])
 
 
-def _type(connector, variable: Variable) -> None:
+def _type(connector: xml.Element, variable: Variable) -> None:
     kind = {"Real": "Real", "Boolean": "Boolean", "String": "String"}.get(variable.type, "Integer")
     _element(f"ssc:{kind}", connector, **({"unit": variable.unit.name} if kind == "Real" else {}))
 
 
-def _parameters(component, name: str, description: FmuDescription, starts: Mapping[str, float | str]) -> None:
+def _parameters(
+    component: xml.Element, name: str, description: FmuDescription, starts: Mapping[str, float | str]
+) -> None:
     if not starts:
         return
     bindings = _element("ssd:ParameterBindings", component)
@@ -157,7 +160,7 @@ def _parameters(component, name: str, description: FmuDescription, starts: Mappi
         _value(parameter, variable, value)
 
 
-def _value(parameter, variable: Variable, value: float | str) -> None:
+def _value(parameter: xml.Element, variable: Variable, value: float | str) -> None:
     if variable.type == "Boolean":
         _element("ssv:Boolean", parameter, value="true" if value else "false")
     elif variable.type == "String":
@@ -168,7 +171,7 @@ def _value(parameter, variable: Variable, value: float | str) -> None:
         _element("ssv:Integer", parameter, value=str(int(value)))
 
 
-def _units(root, descriptions: Mapping[str, FmuDescription]) -> None:
+def _units(root: xml.Element, descriptions: Mapping[str, FmuDescription]) -> None:
     found = {v.unit.name: v.unit for d in descriptions.values() for v in d.variables.values() if v.unit.name}
     if not found:
         return
@@ -183,7 +186,7 @@ def _base(unit: Unit) -> dict[str, str]:
     return exponents | ({"factor": repr(unit.factor)} if unit.factor != 1.0 else {})
 
 
-def _experiment(root, wiring: Wiring) -> None:
+def _experiment(root: xml.Element, wiring: Wiring) -> None:
     experiment = wiring.scenario.experiment
     default = _element("ssd:DefaultExperiment", root, startTime="0.0", stopTime=repr(experiment.stop))
     annotations = _element("ssd:Annotations", default)

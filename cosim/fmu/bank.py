@@ -18,7 +18,7 @@ def few(verb: str, names: Sequence[str]) -> str:
 
 
 class StatusChecker(Protocol):
-    """Who knows what a status means: raises RunError for one above warning."""
+    """An object that knows what an FMI status means and raises RunError for one above warning."""
 
     def check(self, status: int, what: str) -> None: ...
 
@@ -43,11 +43,11 @@ class Bank:
             self.array[:] = self.buffer
 
 
-def caller(function, *arguments) -> Callable[[], int]:
+def caller(function: Callable[..., int], *arguments: object) -> Callable[[], int]:
     """A call without arguments of an FMI function with these ones."""
     return lambda: function(*arguments)
 
 
-def pointer_to(array: np.ndarray, kind) -> ctypes._Pointer:
+def pointer_to(array: np.ndarray, kind: type[ctypes._SimpleCData]) -> ctypes._Pointer:
     """The array as a C pointer."""
     return array.ctypes.data_as(ctypes.POINTER(kind))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from attrs import evolve
 
@@ -37,7 +38,7 @@ def _describe(path: str, modified: int, size: int) -> FmuDescription:
     import fmpy
 
     try:
-        model = fmpy.read_model_description(path, validate=False)
+        model: Any = fmpy.read_model_description(path, validate=False)  # every field of fmpy's may be None to a checker
     except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions for whatever it meets in a file
         raise InputError(Problem(path, "an FMU", str(error) or type(error).__name__)) from None
     if model.coSimulation is None or not model.fmiVersion.startswith(("2", "3")):
@@ -65,18 +66,18 @@ def _describe(path: str, modified: int, size: int) -> FmuDescription:
     )
 
 
-def _has_states(model) -> bool:
+def _has_states(model: Any) -> bool:
     return any(variable.derivative is not None for variable in model.modelVariables)
 
 
-def _takes_slopes(model) -> bool:
+def _takes_slopes(model: Any) -> bool:
     """FMI 2.0 says so by a flag; in FMI 3.0 our FMUs have an input der(u) for each real input u."""
     if model.fmiVersion.startswith("2"):
         return bool(model.coSimulation.canInterpolateInputs)
     return any(v.causality == "input" and v.name.startswith("der(") for v in model.modelVariables)
 
 
-def _unit(unit) -> Unit:
+def _unit(unit: Any) -> Unit:
     base = unit.baseUnit
     if base is None:
         return Unit(unit.name)
@@ -85,7 +86,7 @@ def _unit(unit) -> Unit:
     )
 
 
-def _variables(model, units: Mapping[str, Unit]) -> dict[str, Variable]:
+def _variables(model: Any, units: Mapping[str, Unit]) -> dict[str, Variable]:
     through = {u.variable.name: u.dependencies for u in model.outputs}
     slopes = {
         v.name[4:-1]: v.valueReference
@@ -95,7 +96,7 @@ def _variables(model, units: Mapping[str, Unit]) -> dict[str, Variable]:
     return {v.name: _variable(v, units, through.get(v.name), slopes) for v in model.modelVariables}
 
 
-def _variable(v, units: Mapping[str, Unit], through, slopes: Mapping[str, int]) -> Variable:
+def _variable(v: Any, units: Mapping[str, Unit], through: list[Any] | None, slopes: Mapping[str, int]) -> Variable:
     declared = v.declaredType
     name = v.unit or (declared.unit if declared else None) or ""
     low, high = (getattr(v, key) or (getattr(declared, key) if declared else None) for key in ("min", "max"))
@@ -118,7 +119,7 @@ def _variable(v, units: Mapping[str, Unit], through, slopes: Mapping[str, int]) 
     )
 
 
-def _start(v) -> float | str | None:
+def _start(v: Any) -> float | str | None:
     if v.start is None or v.type in ("String", "Binary"):
         return v.start
     if v.type == "Boolean":

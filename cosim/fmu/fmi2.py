@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -20,7 +21,7 @@ class Fmi2Instance(FmuInstance):
 
     prefix = "fmi2"
 
-    def _load(self):
+    def _load(self) -> Any:
         from fmpy import fmi2
 
         self.callbacks = _callbacks(self)
@@ -64,8 +65,8 @@ class Fmi2Instance(FmuInstance):
             call = caller(function, self.component, self.slope_references(), len(self.sloped), orders, pointer)
             self.setters.append(Bank(call, "set input derivatives", self.slopes, self.slopes))
 
-    def slope_references(self):
-        return self.references(self.sloped)
+    def slope_references(self) -> ctypes.Array[ctypes.c_uint]:
+        return self.references(self.sloped or ())
 
     def step(self, time: float, size: float) -> bool:
         self.time = time
@@ -90,12 +91,11 @@ class Fmi2Instance(FmuInstance):
         raise self._cut_short(reached)
 
 
-_SPEAKERS: WeakValueDictionary[int, FmuInstance] = (
-    WeakValueDictionary()
-)  # by the environment that an FMU hands to its logger
+_LOGGING: WeakValueDictionary[int, FmuInstance] = WeakValueDictionary()
+"""Instances by the component environment that an FMU gives to its logger."""
 
 
-def _callbacks(instance: FmuInstance):
+def _callbacks(instance: FmuInstance) -> Any:
     """Callbacks for FMI 2.0 whose logger finds the instance by the component environment.
 
     All instances share one logger, which lives as long as the process: fmpy's compiled helper, which fills in the
@@ -108,7 +108,7 @@ def _callbacks(instance: FmuInstance):
     callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
     callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
     callbacks.componentEnvironment = id(instance)
-    _SPEAKERS[id(instance)] = instance
+    _LOGGING[id(instance)] = instance
     try:
         from fmpy.logging import addLoggerProxy
 
@@ -119,12 +119,12 @@ def _callbacks(instance: FmuInstance):
 
 
 @cache
-def _logger2():
+def _logger2() -> Any:
     from fmpy import fmi2
 
-    def hear(environment, name, status, category, text) -> None:
-        instance = _SPEAKERS.get(environment)
+    def log(environment: int, name: bytes, status: int, category: bytes, text: bytes | None) -> None:
+        instance = _LOGGING.get(environment)
         if instance is not None:
             instance._log(status, text)
 
-    return fmi2.fmi2CallbackLoggerTYPE(hear)
+    return fmi2.fmi2CallbackLoggerTYPE(log)

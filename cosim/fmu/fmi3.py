@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Fmi3Instance(FmuInstance):
 
     prefix = "fmi3"
 
-    def _load(self):
+    def _load(self) -> Any:
         from fmpy import fmi3
 
         with LOADING:
@@ -64,7 +65,9 @@ class Fmi3Instance(FmuInstance):
     def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> Bank:
         return self._bank_of(verb, kind, self.references(names), array, few(verb, names))
 
-    def _bank_of(self, verb: str, kind: str, references, array: np.ndarray, what: str) -> Bank:
+    def _bank_of(
+        self, verb: str, kind: str, references: ctypes.Array[ctypes.c_uint], array: np.ndarray, what: str
+    ) -> Bank:
         ctype, count = _CTYPES3[kind], len(references)
         buffer = array if kind == "Float64" else np.zeros(count, dtype=np.dtype(ctype))
         call = caller(self.function(verb + kind), self.component, references, count, pointer_to(buffer, ctype), count)
@@ -76,8 +79,9 @@ class Fmi3Instance(FmuInstance):
                 self._bank_of("Set", "Float64", self.slope_references(), self.slopes, "set input derivatives")
             )
 
-    def slope_references(self):
-        return (ctypes.c_uint * len(self.sloped))(*[self.description.variables[n].slope for n in self.sloped])
+    def slope_references(self) -> ctypes.Array[ctypes.c_uint]:
+        slopes = [self.description.variables[name].slope for name in self.sloped or ()]
+        return (ctypes.c_uint * len(slopes))(*slopes)
 
     def step(self, time: float, size: float) -> bool:
         self.time = time

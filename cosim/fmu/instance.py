@@ -5,7 +5,8 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,14 +26,15 @@ class FmuInstance(Instance):
     def __init__(self, name: str, description: FmuDescription) -> None:
         super().__init__(name, description)
         self.messages: deque[str] = deque(maxlen=8)
-        self.fmu = self._load()
+        self.fmu: Any = self._load()  # fmpy's object, which differs between the versions; None once freed
         self.fresh = True
+        self.sloped: tuple[str, ...] | None = None
         self.setters: list[Bank] = []
         self.getters: list[Bank] = []
 
     # what the two versions do differently
 
-    def _load(self):
+    def _load(self) -> Any:
         """Load the library and instantiate."""
         raise NotImplementedError
 
@@ -47,19 +49,21 @@ class FmuInstance(Instance):
     # what they have in common
 
     @property
-    def component(self):
+    def component(self) -> ctypes.c_void_p:
         """The FMI instance pointer."""
         return self.fmu.component
 
-    def function(self, name: str):
+    def function(self, name: str) -> Callable[..., int]:
         """An FMI function of the library, `DoStep` for fmi2DoStep, with argument types set."""
         return self.fmu._functions[self.prefix + name]
 
     def address(self, name: str) -> int:
         """Address of an FMI function, for compiled executors."""
-        return ctypes.cast(self.function(name), ctypes.c_void_p).value
+        address = ctypes.cast(self.fmu._functions[self.prefix + name], ctypes.c_void_p).value
+        assert address is not None, f"{self.prefix}{name} is loaded"
+        return address
 
-    def references(self, names: Sequence[str]):
+    def references(self, names: Sequence[str]) -> ctypes.Array[ctypes.c_uint]:
         """Value references as a ctypes array."""
         return (ctypes.c_uint * len(names))(*[self.description.variables[n].reference for n in names])
 
@@ -67,7 +71,7 @@ class FmuInstance(Instance):
         if (tuple(inputs), tuple(outputs), tuple(sloped)) == (
             self.input_names,
             self.output_names,
-            getattr(self, "sloped", None),
+            self.sloped,
         ):
             return
         super().wire(inputs, sloped, outputs)
@@ -79,7 +83,7 @@ class FmuInstance(Instance):
     def _wire_slopes(self) -> None:
         raise NotImplementedError
 
-    def slope_references(self):
+    def slope_references(self) -> ctypes.Array[ctypes.c_uint]:
         """Value references that slopes are set by, as a ctypes array."""
         raise NotImplementedError
 

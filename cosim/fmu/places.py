@@ -28,7 +28,7 @@ def fmu_file(component: Component, scenario: Scenario, progress: Progress | None
         if component.fmu is not None:
             return (scenario.folder / component.fmu).resolve()
         if component.recording is not None:
-            return _recording(component, scenario, progress)
+            return _recording(component, scenario.folder / component.recording, scenario, progress)
         return _model(component.model or "", scenario.experiment.fmi, progress)
     except BuildError as error:
         raise RunError(component.kind, None, f"cannot be built: {error}") from None
@@ -53,11 +53,10 @@ def _built(model: str, fmi: int, progress: Progress | None) -> Path:
     return fmu_path(model, fmi, progress=progress)
 
 
-def _recording(component: Component, scenario: Scenario, progress: Progress | None) -> Path:
+def _recording(component: Component, path: Path, scenario: Scenario, progress: Progress | None) -> Path:
     """A Recording FMU that plays columns of a measured file over its time column as outputs y[1], y[2], ..."""
     from build_fmus import recording_fmu
 
-    path = scenario.folder / component.recording
     table = read_columns(path, component.time, component.columns, progress)
     columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")

@@ -45,8 +45,8 @@ class FmuSet:
             wiring = restarted(last.wiring, scenario) if last else None
             if wiring is None:
                 self.prepared.clear()
-            self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
-        return self.last.wiring
+            last = self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
+        return last.wiring
 
     def instances(self, wiring: Wiring) -> list[FmuInstance]:
         """An instance for each component, in the order of the scenario; loaded where it was not yet. Raises RunError.

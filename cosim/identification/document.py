@@ -1,17 +1,18 @@
-"""identification.json: the keys of CONTRACT.md, and what stands beside them."""
+"""identification.json: the keys of CONTRACT.md and further ones."""
 
 import math
 from importlib.metadata import version
+from typing import Any
 
 from cosim.identification.identification import Identification, unexcited
 from cosim.identification.idim import Idim, IdimFit
 
 
-def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict:
+def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict[str, Any]:
     """The identification as a JSON table; NaN becomes null."""
     return _clean(
         {
-            "device": found.recording.device,
+            "device": found.recording.device.word,
             "files": list(found.recording.files),
             "joints": list(found.recording.joints),
             "method": found.method.text(),
@@ -24,7 +25,7 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
             },
             "condition_number": found.identifiability.condition,
             "rank": found.identifiability.rank,
-            "unexcited": list(unexcited(found)),
+            "unexcited": [str(label) for label in unexcited(found)],
             "mass_matrix_positive_definite": found.positive_definite,
             "intervals": {
                 "level": 0.95,
@@ -52,16 +53,20 @@ def verdict(found: Identification) -> str:
     loose = unexcited(found)
     joints = ", ".join(found.recording.joints)
     text = f"{len(found.parameters)} parameters; the held-out torque is predicted to {errors} (RMS, {joints})."
-    text += f" Not determined by this motion: {', '.join(loose)}." if loose else " The motion determines all of them."
+    text += (
+        f" Not determined by this motion: {', '.join(map(str, loose))}."
+        if loose
+        else " The motion determines all of them."
+    )
     return text + (
         "" if found.positive_definite else " The identified mass matrix is not positive definite everywhere."
     )
 
 
-def _parameters(found: Identification) -> list[dict]:
+def _parameters(found: Identification) -> list[dict[str, Any]]:
     return [
         {
-            "name": p.name,
+            "name": str(p.label),
             "value": p.value,
             "std": p.std,
             "std_white": p.std_white,
@@ -72,7 +77,7 @@ def _parameters(found: Identification) -> list[dict]:
     ]
 
 
-def _idim(idim: Idim | None) -> dict | None:
+def _idim(idim: Idim | None) -> dict[str, Any] | None:
     if idim is None:
         return None
     return {
@@ -83,7 +88,7 @@ def _idim(idim: Idim | None) -> dict | None:
     }
 
 
-def _fit(fit: IdimFit) -> dict:
+def _fit(fit: IdimFit) -> dict[str, Any]:
     names = ("inertia", "viscous", "coulomb", "offset", "gravity_sin", "gravity_cos")
     return {
         "parameters": dict(zip(names, fit.params.tolist(), strict=False)),
@@ -91,7 +96,7 @@ def _fit(fit: IdimFit) -> dict:
     }
 
 
-def _clean(value):
+def _clean(value: Any) -> Any:
     """numpy to plain Python, NaN and infinity to null."""
     if isinstance(value, dict):
         return {key: _clean(item) for key, item in value.items()}

@@ -5,22 +5,22 @@ from attrs import frozen
 
 from cosim.identification.estimate import RANK
 from cosim.identification.stack import Stack
+from cosim.measured.label import Label
 
-INFLATION = (
-    1e5  # variance inflation factor beyond which a column is a combination of the others for all that data can tell
-)
+INFLATION = 1e5
+"""Variance inflation factor above which a column counts as a combination of the others."""
 
 
 @frozen(eq=False)
 class Identifiability:
-    """condition: of the scaled base columns; base: numbers of an independent set of columns; unexcited: names;
-    combinations: dependent column -> the base columns that carry it, in words.
+    """condition: of the scaled base columns; base: numbers of an independent set of columns; unexcited: parameters of
+    the others; combinations: in words, which base columns each dependent column is a combination of.
     """
 
     condition: float
     rank: int
     base: tuple[int, ...]
-    unexcited: tuple[str, ...]
+    unexcited: tuple[Label, ...]
     combinations: tuple[str, ...]
 
 
@@ -32,7 +32,7 @@ def identifiability(stack: Stack) -> Identifiability:
     norms = np.sqrt((y**2).sum(axis=0))
     empty = norms <= 1e-12 * norms.max()
     scaled = y / np.where(empty, 1.0, norms)
-    triangle, pivot = qr(np.linalg.qr(scaled, mode="r"), mode="r", pivoting=True)
+    triangle, pivot = map(np.asarray, qr(np.linalg.qr(scaled, mode="r"), mode="r", pivoting=True))
     rank = int((np.abs(np.diag(triangle)) > RANK * abs(triangle[0, 0])).sum())
     base = tuple(sorted(int(k) for k in pivot[:rank]))
     square = triangle[:rank, :rank]
@@ -40,19 +40,21 @@ def identifiability(stack: Stack) -> Identifiability:
     inflation = (np.linalg.inv(square) ** 2).sum(axis=1)  # 1 / (1 - R^2) of a column on the others
     dependent = [int(k) for k in pivot[rank:]]
     loose = [int(k) for k, factor in zip(pivot[:rank], inflation, strict=True) if factor > INFLATION]
-    names = tuple(stack.names[k] for k in sorted({*dependent, *loose}))
+    labels = tuple(stack.labels[k] for k in sorted({*dependent, *loose}))
     return Identifiability(
-        float(singular[0] / singular[-1]), rank, base, names, _combinations(stack.names, triangle, pivot, rank, empty)
+        float(singular[0] / singular[-1]), rank, base, labels, _combinations(stack.labels, triangle, pivot, rank, empty)
     )
 
 
-def _combinations(names, triangle, pivot, rank: int, empty: np.ndarray) -> tuple[str, ...]:
+def _combinations(
+    labels: tuple[Label, ...], triangle: np.ndarray, pivot: np.ndarray, rank: int, empty: np.ndarray
+) -> tuple[str, ...]:
     """Each dependent column in terms of base columns (scaled weights)."""
     if rank == len(pivot):
         return ()
     weights = np.linalg.solve(triangle[:rank, :rank], triangle[:rank, rank:])
     texts = []
     for column, k in enumerate(pivot[rank:]):
-        parts = [names[pivot[b]] for b in np.flatnonzero(np.abs(weights[:, column]) > 1e-6)]
-        texts.append(f"{names[k]}: {'not excited at all' if empty[k] else 'depends on ' + ', '.join(parts)}")
+        parts = [str(labels[pivot[b]]) for b in np.flatnonzero(np.abs(weights[:, column]) > 1e-6)]
+        texts.append(f"{labels[k]}: {'not excited at all' if empty[k] else 'depends on ' + ', '.join(parts)}")
     return tuple(texts)

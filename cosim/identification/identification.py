@@ -1,34 +1,26 @@
-"""One identification: recording in; parameters with honest intervals, errors on held-out rows, and doubts out."""
+"""One identification: from a recording to parameters with intervals, errors on held-out rows, and doubts."""
 
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.arm.workspace import definiteness
 from cosim.errors import InputError, Problem
 from cosim.identification.estimate import ParameterEstimate, estimate
 from cosim.identification.identifiability import Identifiability, identifiability
 from cosim.identification.intervals import Spread, spread
+from cosim.identification.linear_model import FRICTION, LinearModel, linear_model
 from cosim.identification.method import Method, suggested, taati
-from cosim.identification.stack import Stack, coulomb_name, everything, stack, without
+from cosim.identification.stack import Stack, coulomb_label, everything, stack, with_columns, without
+from cosim.measured.label import Label
 from cosim.measured.recording import Recording
 
-TYPICAL = {
-    "d": 1e-3,
-    "g": 0.05,
-    "viscous": 1e-3,
-    "coulomb": 0.01,
-    "slow": 0.01,
-}  # sizes for a PHANToM, from Taati Table 1
-
-
-STILL = 30.0  # counts: a joint that moves less is taken as still
+STILL = 30.0  # encoder counts: a joint that moves less is taken as still
 
 
 @frozen
 class Parameter:
     """value, std and 95 % interval with the residual's correlation counted, std_white as least squares gives it."""
 
-    name: str
+    label: Label
     value: float
     std: float
     std_white: float
@@ -54,6 +46,11 @@ class Identification:
     warnings: tuple[str, ...] = field(default=())
 
     @property
+    def model(self) -> LinearModel:
+        """The linear model of the recording's device."""
+        return _model(self.recording)
+
+    @property
     def predicted(self) -> np.ndarray:
         """Filtered torque (n, nj) of the model."""
         return self.stack.y @ self.params
@@ -64,14 +61,18 @@ class Identification:
         return self.stack.tau - self.predicted
 
 
+def _model(recording: Recording) -> LinearModel:
+    return linear_model(recording.device, recording.description)
+
+
 def identify(recording: Recording, method: Method | None = None) -> Identification:
     """Fit the device's linear model. Raises InputError where there is too little to fit."""
     method = method or suggested(recording)
     full = _with_plausible_tail(stack(recording, method), method, recording)
     _enough(full, recording)
-    shown, _base, fitted, widths = _fit(full, method, recording)
+    shown, _, fitted, widths = _fit(full, method, recording)
     params = _spread_out(fitted.params, shown.base, full.y.shape[2])
-    definite, doubts = _physics(recording, full.names, params)
+    definite, doubts = _physics(_model(recording), full.labels, params)
     found = Identification(
         recording,
         method,
@@ -91,35 +92,34 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
 def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiability, Stack, ParameterEstimate, Spread]:
     """Base parameters, their estimate and its spread."""
     shown = identifiability(full)
-    base = evolve(full, y=full.y[:, :, shown.base], names=tuple(full.names[k] for k in shown.base))
-    fitted = estimate(base, method, recording.device)
+    base = with_columns(full, shown.base)
+    fitted = estimate(base, method, _model(recording))
     return shown, base, fitted, spread(base, fitted)
 
 
 def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> Stack:
-    """Keep a `slow` column only where the data lean to it and it is that of a smoothed sign: Coulomb friction that
-    falls short
-    at the slowest rows, by less than half of it. Elsewhere it would only widen the intervals.
+    """Keep a `slow` column only where the data speak for it and it is that of a smoothed sign: Coulomb friction that
+    is smaller on the slowest rows, by less than half of it. Elsewhere the column would only widen the intervals.
     """
-    tails = [name for name in full.names if name.startswith("slow")]
+    tails = [label for label in full.labels if label.name == "slow"]
     if not tails:
         return full
     _enough(full, recording)
     _, base, fitted, widths = _fit(full, method, recording)
-    value = dict(zip(base.names, fitted.params.tolist(), strict=True))
-    score = dict(zip(base.names, (fitted.params / np.maximum(widths.std, 1e-300)).tolist(), strict=True))
+    value = dict(zip(base.labels, fitted.params.tolist(), strict=True))
+    score = dict(zip(base.labels, (fitted.params / np.maximum(widths.std, 1e-300)).tolist(), strict=True))
     doubtful = [
-        name
-        for name in tails
-        if name not in value or score[name] > -1 or -value[name] > 0.5 * abs(value.get(coulomb_name(name), 0.0))
+        tail
+        for tail in tails
+        if tail not in value or score[tail] > -1 or -value[tail] > 0.5 * abs(value.get(coulomb_label(tail), 0.0))
     ]
     kept = without(full, tuple(doubtful))
     notes = [
-        f"{name}: Coulomb friction falls short by "
-        f"{-100 * value[name] / value[coulomb_name(name)]:.2g} % at the slowest rows in use, as "
+        f"{tail}: Coulomb friction falls short by "
+        f"{-100 * value[tail] / value[coulomb_label(tail)]:.2g} % at the slowest rows in use, as "
         "a smooth sign of dq does; a column for it is fitted along"
-        for name in tails
-        if name not in doubtful
+        for tail in tails
+        if tail not in doubtful
     ]
     return evolve(kept, notes=(*kept.notes, *notes))
 
@@ -162,43 +162,30 @@ def _parameters(
 ) -> tuple[Parameter, ...]:
     """All parameters in order; one outside the base is zero without an interval (its effect is in the base ones)."""
     table = []
-    for k, (name, unit) in enumerate(zip(full.names, full.units, strict=True)):
+    for k, (label, unit) in enumerate(zip(full.labels, full.units, strict=True)):
         if k not in shown.base:
-            table.append(Parameter(name, 0.0, np.nan, np.nan, (np.nan, np.nan), unit))
+            table.append(Parameter(label, 0.0, np.nan, np.nan, (np.nan, np.nan), unit))
             continue
         b = shown.base.index(k)
         value, half = float(fitted.params[b]), float(widths.half_width[b])
         interval = (value - half, value + half)
-        table.append(Parameter(name, value, float(widths.std[b]), float(widths.std_white[b]), interval, unit))
+        table.append(Parameter(label, value, float(widths.std[b]), float(widths.std_white[b]), interval, unit))
     return tuple(table)
 
 
-def _physics(recording: Recording, names: tuple[str, ...], params: np.ndarray) -> tuple[bool, list[str]]:
-    """M > 0 over the workspace (axis: inertia > 0) and friction that dissipates."""
-    doubts, definite = [], True
-    values = dict(zip(names, params.tolist(), strict=True))
-    if recording.device == "phantom":
-        found = definiteness(params[:8])
-        definite = bool(found.positive)
-        if not definite:
+def _physics(model: LinearModel, labels: tuple[Label, ...], params: np.ndarray) -> tuple[bool, list[str]]:
+    """Whether the mass matrix is positive definite, and doubts: it is not, or friction does not dissipate."""
+    indefinite = model.indefinite(labels, params)
+    doubts = [indefinite] if indefinite else []
+    for label, value in zip(labels, params.tolist(), strict=True):
+        if label.name == "viscous" and value < 0:
             doubts.append(
-                f"the mass matrix is not positive definite over the workspace (smallest eigenvalue "
-                f"{found.smallest_eigenvalue:.2e} kg m^2; in {100 * found.negative_share:.3g} % of it): "
-                "guard simulations, or use --physical"
+                f"{label} = {value:.3g} is negative: it would feed energy in; a Stribeck effect that the model lacks, "
+                "or the sign of dq at reversals, makes least squares give this (see close-loop)"
             )
-    elif "inertia" in values:
-        definite = values["inertia"] > 0
-        doubts += [] if definite else ["the inertia is not positive"]
-    for name, value in values.items():
-        if name.startswith("viscous") and value < 0:
-            doubts.append(
-                f"{name} = {value:.3g} is negative: it would feed energy in; a "
-                f"Stribeck effect that the model lacks, or "
-                "the sign of dq at reversals, makes least squares give this (see close-loop)"
-            )
-        if name.startswith("coulomb") and value < 0:
-            doubts.append(f"{name} = {value:.3g} is negative: not friction; a lag between tau and q can do this")
-    return definite, doubts
+        if label.name == "coulomb" and value < 0:
+            doubts.append(f"{label} = {value:.3g} is negative: not friction; a lag between tau and q can do this")
+    return not indefinite, doubts
 
 
 def _doubts(found: Identification) -> list[str]:
@@ -206,22 +193,20 @@ def _doubts(found: Identification) -> list[str]:
     doubts = list(found.identifiability.combinations)
     wide = unexcited(found)[len(found.identifiability.unexcited) :]
     if wide:
-        doubts.append(
-            f"not determined by this motion (interval wider than the parameter's usual size): {', '.join(wide)}"
-        )
+        names = ", ".join(map(str, wide))
+        doubts.append(f"not determined by this motion (interval wider than the parameter's usual size): {names}")
     if found.spread.blocks < 12:
         doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
     return doubts + _shifted(found) + _against_declared(found) + _outside(found.stack)
 
 
 def _shifted(found: Identification) -> list[str]:
-    """Is tau early or late against q? tau(t + d) = tau + d dtau/dt: a column of its own, fitted beside the others."""
+    """Whether tau is early or late against q: tau(t + d) = tau + d dtau/dt, a column fitted beside the others."""
     step = max(run.step for run in found.recording.runs)
-    base = found.stack.y[:, :, found.identifiability.base]
+    base = with_columns(found.stack, found.identifiability.base)
     rate = found.stack.tau_rate[:, :, None] * step
-    names = (*(found.stack.names[k] for k in found.identifiability.base), "shift")
-    wider = evolve(found.stack, y=np.concatenate([base, rate], axis=2), names=names)
-    fitted = estimate(wider, evolve(found.method, physical=False), found.recording.device)
+    wider = evolve(base, y=np.concatenate([base.y, rate], axis=2), labels=(*base.labels, Label("shift")))
+    fitted = estimate(wider, evolve(found.method, physical=False), found.model)
     shift, std = float(fitted.params[-1]), float(spread(wider, fitted).std[-1])
     if abs(shift) < 0.25 or abs(shift) < 4 * std:
         return []
@@ -240,11 +225,8 @@ def _shifted(found: Identification) -> list[str]:
 
 def _against_declared(found: Identification) -> list[str]:
     """Declared parameters that lie outside their intervals: a payload, a gain error, or a declaration that is wrong."""
-    description = found.recording.description
-    if description.parameters != "declared" or found.recording.device != "phantom":
-        return []
-    pairs = [(p, value) for p, value in zip(found.parameters, description.declared_pi, strict=False)]
-    outside = [p.name for p, value in pairs if not p.interval[0] <= value <= p.interval[1]]
+    pairs = zip(found.parameters, found.model.declared().tolist(), strict=False)
+    outside = [str(p.label) for p, value in pairs if not p.interval[0] <= value <= p.interval[1]]
     names = ", ".join(outside)
     text = (
         f"declared parameters outside their 95 % intervals: {names} (a payload, a gain error, or a wrong declaration)"
@@ -261,34 +243,22 @@ def _outside(full: Stack) -> list[str]:
     return [f"{count} of {int(test.sum())} held-out rows are faster than any training row"] if count else []
 
 
-def unexcited(found: Identification) -> tuple[str, ...]:
-    """Names that the motion did not excite: dependent columns, joints that hardly left their encoder's counts, and
-    PHANToM
-    parameters whose interval is wider than their usual size.
+def unexcited(found: Identification) -> tuple[Label, ...]:
+    """Parameters that the motion did not excite: those of dependent columns, those of joints that hardly left their
+    encoder's counts, and those whose interval is wider than their usual size.
     """
-    names = list(found.identifiability.unexcited)
-    names += [name for name in _of_still_joints(found) if name not in names]
-    if found.recording.device == "phantom":
-        for parameter in found.parameters:
-            family = parameter.name.split("[")[0].rstrip("12345678")
-            wide = (parameter.interval[1] - parameter.interval[0]) / 2 > TYPICAL[family] * 1.0
-            if wide and parameter.name not in names:
-                names.append(parameter.name)
-    return tuple(names)
+    labels = list(found.identifiability.unexcited)
+    labels += [label for label in _of_still_joints(found) if label not in labels]
+    wide = [p.label for p in found.parameters if (p.interval[1] - p.interval[0]) / 2 > found.model.usual_size(p.label)]
+    return (*labels, *(label for label in wide if label not in labels))
 
 
-def _of_still_joints(found: Identification) -> list[str]:
+def _of_still_joints(found: Identification) -> list[Label]:
     """Parameters that only the motion of a still joint shows. There the columns are the encoder's noise, and least
-    squares
-    is sure of a wrong value (errors in variables).
+    squares is sure of a wrong value (errors in variables).
     """
-    own = {0: ("d1", "d2", "d3"), 1: ("d5",), 2: ("d6",)} if found.recording.device == "phantom" else {0: ("inertia",)}
-    names = []
-    for joint in range(len(found.recording.joints)):
-        if counts(found.recording, joint) < STILL:
-            label = f"[{joint + 1}]" if found.recording.device == "phantom" else ""
-            names += [*own[joint], f"viscous{label}", f"coulomb{label}"]
-    return [name for name in names if name in found.stack.names]
+    still = [j for j in range(len(found.recording.joints)) if counts(found.recording, j) < STILL]
+    return [label for j in still for label in found.model.of_joint(j) if label in found.stack.labels]
 
 
 def counts(recording: Recording, joint: int) -> float:
@@ -301,9 +271,7 @@ def counts(recording: Recording, joint: int) -> float:
 
 def without_friction(found: Identification) -> np.ndarray:
     """Parameters (p,) of the same model fitted with no friction columns (they are zero): Taati's Figs. 4 and 5."""
-    rigid = [
-        k for k in found.identifiability.base if not found.stack.names[k].startswith(("viscous", "coulomb", "slow"))
-    ]
-    part = evolve(found.stack, y=found.stack.y[:, :, rigid], names=tuple(found.stack.names[k] for k in rigid))
-    fitted = estimate(part, evolve(found.method, physical=False), found.recording.device)
+    friction = (*FRICTION, "slow")
+    rigid = [k for k in found.identifiability.base if found.stack.labels[k].name not in friction]
+    fitted = estimate(with_columns(found.stack, rigid), evolve(found.method, physical=False), found.model)
     return _spread_out(fitted.params, tuple(rigid), len(found.params))

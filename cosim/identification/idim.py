@@ -1,18 +1,20 @@
 """IDIM-LS for one joint as the authors of EMPS process it (Janot, Gautier, Brunot 2019): the published reference.
 
 q through a Butterworth 4 low-pass of 100 Hz with zero phase, central differences, the first 49 rows dropped, every
-column
-and the force decimated by 10 (Chebyshev I of order 8, zero phase, 0.8 of the new Nyquist frequency), ordinary least
-squares with sgn(dq), all rows. The start-up of these filters at the first and last rows is part of the published
+column and the force decimated by 10 (Chebyshev I of order 8, zero phase, 0.8 of the new Nyquist frequency), ordinary
+least squares with sgn(dq), all rows. The start-up of these filters at the first and last rows is part of the published
 figures.
 """
 
 import numpy as np
 from attrs import evolve, frozen
 
+from cosim.measured.device import AxisDevice
 from cosim.measured.recording import Recording, Run
 
 CUTOFF, DROPPED, FACTOR = 100.0, 49, 10
+RegressorRows = tuple[np.ndarray, np.ndarray]
+"""Columns (m, p) and force (m,)."""
 
 
 @frozen(eq=False)
@@ -29,8 +31,7 @@ class IdimFit:
 @frozen(eq=False)
 class Idim:
     """published: as the authors do it; other: another parameter vector on exactly these rows; recentred: the authors'
-    way with
-    the force as the mean over one sample either side of its stamp, which is what a digital controller's output is.
+    way with the force averaged over one sample either side of its stamp, as a digital controller holds it.
     """
 
     published: IdimFit
@@ -43,16 +44,19 @@ def idim(recording: Recording, other: np.ndarray) -> Idim | None:
     """IDIM-LS of an `axis` recording, beside the errors of the parameters `other`; None where the rate is too low for
     it.
     """
-    if recording.device != "axis" or any(run.step > 1.3e-3 for run in recording.runs):
+    axis = recording.device
+    if not isinstance(axis, AxisDevice) or any(run.step > 1.3e-3 for run in recording.runs):
         return None
-    train, held = _rows(recording, False), _rows(recording, True)
+    train, held = _rows(recording, axis, False), _rows(recording, axis, True)
     if train is None:
         return None
     published = _fit(train, held)
     centred = None
     if not recording.description.torque_held:
         middle = evolve(recording, runs=tuple(evolve(run, tau=_middle(run.tau)) for run in recording.runs))
-        centred = _fit(_rows(middle, False), _rows(middle, True))
+        rows = _rows(middle, axis, False)
+        assert rows is not None, "the same rows as above"
+        centred = _fit(rows, _rows(middle, axis, True))
     return Idim(published, _judged(other, train, held), centred)
 
 
@@ -60,19 +64,21 @@ def _middle(tau: np.ndarray) -> np.ndarray:
     return np.concatenate([tau[:1], (tau[1:] + tau[:-1]) / 2])
 
 
-def _rows(recording: Recording, test: bool) -> tuple[np.ndarray, np.ndarray] | None:
+def _rows(recording: Recording, axis: AxisDevice, test: bool) -> RegressorRows | None:
     """Decimated regressor (m, p) and force (m,) of the training or the held-out rows of all runs."""
-    gravity = recording.description.gravity
     marked = [(run, _stretch(run.test if test else run.train)) for run in recording.runs]
-    parts = [_decimated(run, rows, gravity) for run, rows in marked if rows is not None]
-    return tuple(np.concatenate(part) for part in zip(*parts, strict=True)) if parts else None
+    parts = [_decimated(run, rows, axis.pendulum) for run, rows in marked if rows is not None]
+    if not parts:
+        return None
+    return np.concatenate([y for y, _ in parts]), np.concatenate([tau for _, tau in parts])
 
 
-def _fit(train, held) -> IdimFit:
-    return _judged(np.linalg.lstsq(*train, rcond=None)[0], train, held)
+def _fit(train: RegressorRows, held: RegressorRows | None) -> IdimFit:
+    y, tau = train
+    return _judged(np.linalg.lstsq(y, tau, rcond=None)[0], train, held)
 
 
-def _judged(params: np.ndarray, train, held) -> IdimFit:
+def _judged(params: np.ndarray, train: RegressorRows, held: RegressorRows | None) -> IdimFit:
     return IdimFit(params, _error(*train, params), float("nan") if held is None else _error(*held, params))
 
 
@@ -82,10 +88,10 @@ def _stretch(rows: np.ndarray) -> slice | None:
     return slice(marked[0], marked[-1] + 1) if len(marked) > 40 * FACTOR else None
 
 
-def _decimated(run: Run, rows: slice, gravity: bool) -> tuple[np.ndarray, np.ndarray]:
+def _decimated(run: Run, rows: slice, gravity: bool) -> RegressorRows:
     from scipy.signal import butter, filtfilt
 
-    forward, backward = butter(4, CUTOFF, fs=1 / run.step)
+    forward, backward = np.asarray(butter(4, CUTOFF, fs=1 / run.step, output="ba"))
     q = filtfilt(forward, backward, run.q[rows, 0], padlen=12)
     dq = np.gradient(q, run.step)
     columns = [np.gradient(dq, run.step), dq, np.sign(dq), np.ones_like(dq)]
@@ -99,7 +105,7 @@ def _decimate(signal: np.ndarray) -> np.ndarray:
     """As MATLAB's `decimate`: filtered both ways, then the rows that end on the last one."""
     from scipy.signal import cheby1, filtfilt
 
-    forward, backward = cheby1(8, 0.05, 0.8 / FACTOR)
+    forward, backward = np.asarray(cheby1(8, 0.05, 0.8 / FACTOR, output="ba"))
     smooth = filtfilt(forward, backward, signal, padlen=24)
     return smooth[(len(signal) - 1) % FACTOR :: FACTOR]
 

@@ -83,9 +83,9 @@ class KeepAll(Reversals):
 class Method:
     """One way from a recording to parameters.
 
-    before: low-pass of q (and of tau where `both_sides`) before differentiation;
-    low_pass: over both sides of the equation; weighted: joints weighted by their residual; robust: Huber's weights;
-    physical: constrained to M > 0 over the workspace and to friction that dissipates.
+    before: low-pass of q (and of tau where `both_sides`) before differentiation; low_pass: over both sides of the
+    equation; weighted: joints weighted by their residual; robust: Huber's weights; physical: constrained to M > 0 over
+    the workspace and to friction that dissipates.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Linear models tau = Y params of the three devices, with both sides through the same low-pass filter.
+"""Regressor columns Y of tau = Y params, with both sides through the same low-pass filter.
 
     F{tau} = F{dP/dt} - F{R} + F{V'} + F{friction},   P = dT/d(dq), R = dT/dq
 
@@ -10,22 +10,20 @@ import numpy as np
 from attrs import frozen
 
 from cosim.arm import dynamics
-from cosim.measured.filtering import FilteredMotion, LowPass, derivative
-from cosim.measured.recording import Recording
+from cosim.measured.filtering import FilteredMotion, LowPass
+from cosim.measured.label import Label
 
-GRAVITY = 9.81
-
-PHANTOM_NAMES = ("d1", "d2", "d3", "d4", "d5", "d6", "g7", "g8")
+PHANTOM_LABELS = tuple(map(Label, ("d1", "d2", "d3", "d4", "d5", "d6", "g7", "g8")))
 PHANTOM_UNITS = ("kg.m2",) * 6 + ("N.m",) * 2
 
 
 @frozen(eq=False)
 class RegressorColumns:
-    """Filtered linear model of one run: y (n, nj, p), tau (n, nj), with names and units of the p parameters."""
+    """Filtered linear model of one run: y (n, nj, p), tau (n, nj), with labels and units of the p parameters."""
 
     y: np.ndarray
     tau: np.ndarray
-    names: tuple[str, ...]
+    labels: tuple[Label, ...]
     units: tuple[str, ...]
 
 
@@ -63,9 +61,8 @@ def friction_columns(dq: np.ndarray, velocity: float) -> np.ndarray:
 def slow_columns(dq: np.ndarray, slowest: np.ndarray) -> np.ndarray:
     """Columns sgn(dq) (slowest / dq)^2 (n, nj, nj), 1 at the slowest row in use.
 
-    A friction whose sign is smoothed over v, dq / sqrt(dq^2 + v^2) = sgn(dq) (1 - v^2 / (2 dq^2) + ...), still shows
-    this tail
-    outside the rows that are left out; its coefficient is -coulomb v^2 / (2 slowest^2).
+    Friction whose sign is smoothed over v, dq / sqrt(dq^2 + v^2) = sgn(dq) (1 - v^2 / (2 dq^2) + ...), shows this term
+    also on the rows that are kept. Its coefficient is -coulomb v^2 / (2 slowest^2).
     """
     tail = np.sign(dq) * slowest**2 / np.maximum(dq**2, slowest**2)
     return tail[:, :, None] * np.eye(dq.shape[1])
@@ -77,9 +74,9 @@ def phantom(motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) ->
     inertial = low_pass.rate(momentum(q, dq), step) - low_pass.low(kinetic_slope(q, dq), step)
     rest = low_pass.low(np.concatenate([gravity_columns(q), friction_columns(dq, velocity)], axis=2), step)
     y = np.concatenate([inertial + rest[:, :, :8], rest[:, :, 8:]], axis=2)
-    names = (*PHANTOM_NAMES, *(f"viscous[{j}]" for j in (1, 2, 3)), *(f"coulomb[{j}]" for j in (1, 2, 3)))
+    labels = (*PHANTOM_LABELS, *(Label("viscous", j) for j in (1, 2, 3)), *(Label("coulomb", j) for j in (1, 2, 3)))
     return RegressorColumns(
-        y, low_pass.low(motion.tau, step), names, (*PHANTOM_UNITS, *("N.m.s/rad",) * 3, *("N.m",) * 3)
+        y, low_pass.low(motion.tau, step), labels, (*PHANTOM_UNITS, *("N.m.s/rad",) * 3, *("N.m",) * 3)
     )
 
 
@@ -92,9 +89,10 @@ def axis(
     plain += [np.sin(q), np.cos(q)] if gravity else []
     y = np.concatenate([low_pass.rate(dq, step), *(low_pass.low(column, step) for column in plain)], axis=1)[:, None, :]
     names = ("inertia", "viscous", "coulomb", "offset", *(("gravity_sin", "gravity_cos") if gravity else ()))
+    labels = tuple(map(Label, names))
     turning = ("kg.m2", "N.m.s/rad", "N.m", "N.m", "N.m", "N.m")
-    units = ("kg", "N.s/m", "N", "N") if prismatic else turning[: len(names)]
-    return RegressorColumns(y, low_pass.low(motion.tau, step), names, units[: len(names)])
+    units = ("kg", "N.s/m", "N", "N") if prismatic else turning[: len(labels)]
+    return RegressorColumns(y, low_pass.low(motion.tau, step), labels, units[: len(labels)])
 
 
 def given(motion: FilteredMotion, low_pass: LowPass, names: tuple[str, ...], velocity: float = 0.0) -> RegressorColumns:
@@ -103,28 +101,15 @@ def given(motion: FilteredMotion, low_pass: LowPass, names: tuple[str, ...], vel
     A given rigid torque is one column `rigid` where there are no regressor columns, and left out where there are.
     """
     run, step, dq = motion.run, motion.step, motion.dq
-    rigid = run.regressor if run.regressor is not None else run.rigid[:, None]
-    labels = names if run.regressor is not None else ("rigid",)
+    rigid = run.regressor
+    if rigid is None:
+        assert run.rigid is not None, "a description of the device names the regressor columns or a rigid torque"
+        rigid, names = run.rigid[:, None], ("rigid",)
     y = np.concatenate([rigid, dq, dynamics.direction(dq, velocity), np.ones_like(dq)], axis=1)
-    units = ("",) * len(labels) + ("N.m.s/rad", "N.m", "N.m")
+    units = ("",) * len(names) + ("N.m.s/rad", "N.m", "N.m")
     return RegressorColumns(
         low_pass.low(y, step)[:, None, :],
         low_pass.low(motion.tau, step),
-        (*labels, "viscous", "coulomb", "offset"),
+        tuple(map(Label, (*names, "viscous", "coulomb", "offset"))),
         units,
     )
-
-
-def columns(recording: Recording, motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
-    """The linear model of the recording's device for one run."""
-    description = recording.description
-    if recording.device == "phantom":
-        return phantom(motion, low_pass, velocity)
-    if recording.device == "axis":
-        return axis(motion, low_pass, description.gravity, description.prismatic, velocity)
-    return given(motion, low_pass, description.columns.regressor, velocity)
-
-
-def unfiltered(motion: FilteredMotion) -> np.ndarray:
-    """Taati's Y (n, 3, 8) with accelerations formed by differences: for comparison and plots only."""
-    return dynamics.regressor(motion.q, motion.dq, derivative(motion.dq, motion.step))

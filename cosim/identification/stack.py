@@ -1,12 +1,16 @@
-"""The rows of all runs on one pile: filtered, decimated, with marks for what is fitted and what is held out."""
+"""The rows of all runs below each other: filtered, decimated, with marks for what is fitted and what is held out."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.identification import regressor
+from cosim.identification.linear_model import LinearModel, linear_model
 from cosim.identification.method import Method
 from cosim.identification.regressor import RegressorColumns, slow_columns
+from cosim.measured.device import Device
 from cosim.measured.filtering import FilteredMotion, motion
+from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
 
@@ -29,7 +33,7 @@ class Stack:
     q: np.ndarray
     dq: np.ndarray
     step: float
-    names: tuple[str, ...]
+    labels: tuple[Label, ...]
     units: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
@@ -51,13 +55,27 @@ class Stack:
 
 def stack(recording: Recording, method: Method) -> Stack:
     """All runs through the method's filters."""
+    model = linear_model(recording.device, recording.description)
     motions = [_motion(recording, run, method) for run in recording.runs]
     speed = np.sqrt(np.concatenate([m.dq**2 for m in motions]).mean(axis=0))
-    pieces = [_piece(recording, m, method, speed, number) for number, m in enumerate(motions)]
-    columns = ("y", "tau", "tau_rate", "keep", "settled", "test", "run", "time", "q", "dq")
-    joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in columns}
+    pieces = [_piece(model, m, method, speed, number) for number, m in enumerate(motions)]
     first = pieces[0]
-    return _with_rows(Stack(**joined, step=first.step, names=first.names, units=first.units), recording.joints)
+    joined = Stack(
+        y=np.concatenate([piece.y for piece in pieces]),
+        tau=np.concatenate([piece.tau for piece in pieces]),
+        tau_rate=np.concatenate([piece.tau_rate for piece in pieces]),
+        keep=np.concatenate([piece.keep for piece in pieces]),
+        settled=np.concatenate([piece.settled for piece in pieces]),
+        test=np.concatenate([piece.test for piece in pieces]),
+        run=np.concatenate([piece.run for piece in pieces]),
+        time=np.concatenate([piece.time for piece in pieces]),
+        q=np.concatenate([piece.q for piece in pieces]),
+        dq=np.concatenate([piece.dq for piece in pieces]),
+        step=first.step,
+        labels=first.labels,
+        units=first.units,
+    )
+    return _with_rows(joined, recording.joints)
 
 
 def _motion(recording: Recording, run: Run, method: Method) -> FilteredMotion:
@@ -65,67 +83,78 @@ def _motion(recording: Recording, run: Run, method: Method) -> FilteredMotion:
     return found if method.both_sides else evolve(found, tau=run.tau)
 
 
-def _piece(recording: Recording, moved: FilteredMotion, method: Method, speed: np.ndarray, number: int) -> Stack:
-    model = regressor.columns(recording, moved, method.low_pass, method.reversals.smoothing)
+def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.ndarray, number: int) -> Stack:
+    columns = model.columns(moved, method.low_pass, method.reversals.smoothing)
     n, step = len(moved.time), moved.step
     head, tail = (
         min(sum(rows), n // 8) for rows in zip(method.low_pass.settle(step), method.before.settle(step), strict=True)
     )
-    spread = tuple(sum(rows) for rows in zip(method.low_pass.spread(step), method.before.spread(step), strict=True))
+    before, after = (sum(rows) for rows in zip(method.low_pass.spread(step), method.before.spread(step), strict=True))
     settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
-    keep = method.reversals.keep(moved, spread, speed) & settled[:, None]
-    model = _with_tail(model, moved, method, speed)
+    keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None]
+    columns = _with_tail(columns, model.device, moved, method, speed)
     pick = slice(None, None, method.low_pass.decimation(step))
     return Stack(
-        y=model.y[pick],
-        tau=model.tau[pick],
+        y=columns.y[pick],
+        tau=columns.tau[pick],
         tau_rate=method.low_pass.rate(moved.tau, step)[pick],
         keep=keep[pick],
         settled=settled[pick],
         test=moved.run.test[pick],
-        run=np.full(len(model.tau[pick]), number),
+        run=np.full(len(columns.tau[pick]), number),
         time=moved.time[pick],
         q=moved.q[pick],
         dq=moved.dq[pick],
         step=step * (pick.step or 1),
-        names=model.names,
-        units=model.units,
+        labels=columns.labels,
+        units=columns.units,
     )
 
 
-def _with_tail(model: RegressorColumns, moved: FilteredMotion, method: Method, speed: np.ndarray) -> RegressorColumns:
-    """A column `slow` per joint where the law of the sign is not known: what a smoothed sign leaves at the slowest
-    rows.
+def _with_tail(
+    columns: RegressorColumns, device: Device, moved: FilteredMotion, method: Method, speed: np.ndarray
+) -> RegressorColumns:
+    """A column `slow` per joint where the law of the sign is not known: what a smooth sign differs by from sgn(dq) on
+    the slowest rows.
     """
     slowest = method.reversals.slowest(speed)
     if slowest is None or not slowest.all():
-        return model
+        return columns
     tail = method.low_pass.low(slow_columns(moved.dq, slowest), moved.step)
-    names = ["slow"] if len(speed) == 1 else [f"slow[{j + 1}]" for j in range(len(speed))]
+    labels = [device.label("slow", joint) for joint in range(len(speed))]
+    unit = columns.units[columns.labels.index(coulomb_label(labels[0]))]
     return evolve(
-        model,
-        y=np.concatenate([model.y, tail], axis=2),
-        names=(*model.names, *names),
-        units=(*model.units, *[model.units[model.names.index(coulomb_name(names[0]))]] * len(names)),
+        columns,
+        y=np.concatenate([columns.y, tail], axis=2),
+        labels=(*columns.labels, *labels),
+        units=(*columns.units, *[unit] * len(labels)),
     )
 
 
-def coulomb_name(slow: str) -> str:
-    """Name of the Coulomb friction that a `slow` column belongs to."""
-    return slow.replace("slow", "coulomb")
+def coulomb_label(slow: Label) -> Label:
+    """The Coulomb friction that a `slow` column belongs to."""
+    return evolve(slow, name="coulomb")
 
 
-def without(full: Stack, names: tuple[str, ...]) -> Stack:
+def without(full: Stack, labels: tuple[Label, ...]) -> Stack:
     """The stack with some columns taken out."""
-    kept = [k for k, name in enumerate(full.names) if name not in names]
+    kept = [k for k, label in enumerate(full.labels) if label not in labels]
+    return with_columns(full, kept)
+
+
+def with_columns(full: Stack, kept: Sequence[int]) -> Stack:
+    """The stack with these columns alone."""
     return evolve(
-        full, y=full.y[:, :, kept], names=tuple(full.names[k] for k in kept), units=tuple(full.units[k] for k in kept)
+        full,
+        y=full.y[:, :, list(kept)],
+        labels=tuple(full.labels[k] for k in kept),
+        units=tuple(full.units[k] for k in kept),
     )
 
 
 def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
-    """Where leaving out reversals leaves less than a twentieth of the rows of a joint, its rows are all kept, and
-    told.
+    """Where leaving out reversals leaves less than a twentieth of the rows of a joint, all its rows are kept, with a
+    note.
     """
     train, keep, notes = full.settled & ~full.test, full.keep.copy(), []
     for j, joint in enumerate(joints):

@@ -1,7 +1,23 @@
 """Measured data: description files, readers, named repairs, recordings."""
 
 from cosim.measured.assembly import read
-from cosim.measured.description import ColumnNames, RecordingDescription, load_description, parse_description
+from cosim.measured.columns import ColumnNames
+from cosim.measured.description import RecordingDescription, load_description, parse_description
+from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice
+from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
-__all__ = ["ColumnNames", "Recording", "RecordingDescription", "Run", "load_description", "parse_description", "read"]
+__all__ = [
+    "AxisDevice",
+    "ColumnNames",
+    "Device",
+    "Label",
+    "PhantomDevice",
+    "Recording",
+    "RecordingDescription",
+    "RegressorDevice",
+    "Run",
+    "load_description",
+    "parse_description",
+    "read",
+]

@@ -1,6 +1,6 @@
 """Files to a Recording: descriptions found, units applied, runs separated, repairs made, held-out rows marked."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,8 @@ from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
 from cosim.measured import doubts, units
-from cosim.measured.description import ColumnNames, RecordingDescription, load_description
+from cosim.measured.columns import LISTS, ColumnNames
+from cosim.measured.description import RecordingDescription, load_description
 from cosim.measured.reader import RawTable, needed, read_table
 from cosim.measured.recording import Recording, Run
 from cosim.measured.repairs import Stretch, recentred, repair
@@ -43,8 +44,8 @@ def read(
 ) -> Recording:
     """Read files into one recording; `test` files are held out.
 
-    Held-out rows: those of `test`, else of the split column, else the second half of each recording.
-    Raises InputError with what is wrong where; repairs are in the recording's `warnings`.
+    Held-out rows: those of `test`, else of the split column, else the second half of each recording. Raises InputError
+    with what is wrong where; repairs are in the recording's `warnings`.
     """
     fit, held = [Path(path) for path in paths], [Path(path) for path in test]
     if not fit:
@@ -92,7 +93,7 @@ def _default(table: RawTable) -> RecordingDescription:
 
 
 def _runs(
-    tables: Sequence[tuple[RawTable, bool]], description: RecordingDescription, note
+    tables: Sequence[tuple[RawTable, bool]], description: RecordingDescription, note: Callable[[str], None]
 ) -> list[tuple[Run, bool | None]]:
     """Repaired runs; beside each: held out as a whole (True), by its own mask (None), or not said (False)."""
     runs, problems = [], []
@@ -138,7 +139,11 @@ def _split(stem: str, labels: np.ndarray) -> np.ndarray:
 
 
 def _repaired(
-    part: _FilePart, columns, description: RecordingDescription, held: bool, note
+    part: _FilePart,
+    columns: Mapping[str, np.ndarray],
+    description: RecordingDescription,
+    held: bool,
+    note: Callable[[str], None],
 ) -> list[tuple[Run, bool | None]]:
     layout = _layout(description)
     signals = np.column_stack([columns[name][part.rows] * factor for _, name, factor in layout])
@@ -155,11 +160,7 @@ def _repaired(
 def _layout(description: RecordingDescription) -> list[tuple[str, str, float]]:
     """(role, column, factor to SI) of every signal except time."""
     names = description.columns
-    layout = [
-        (role, name, description.factor(role, k))
-        for role in ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
-        for k, name in enumerate(getattr(names, role))
-    ]
+    layout = [(role, name, description.factor(role, k)) for role in LISTS for k, name in enumerate(names.of_role(role))]
     layout += [("rigid", names.rigid, description.factor("rigid", 0))] if names.rigid else []
     return layout + [("other", name, _other_factor(unit)) for name, unit in names.other.items()]
 
@@ -168,18 +169,19 @@ def _other_factor(unit: str) -> float:
     return units.FACTORS.get(units.spelled(unit), ("", 1.0))[1]
 
 
-def _run(stretch: Stretch, layout) -> Run:
+def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]]) -> Run:
     def block(role: str) -> np.ndarray | None:
         columns = [k for k, (r, _, _) in enumerate(layout) if r == role]
         return np.ascontiguousarray(stretch.signals[:, columns]) if columns else None
 
-    rigid = block("rigid")
+    q, tau, rigid = block("q"), block("tau"), block("rigid")
+    assert q is not None and tau is not None, "every description names the columns of q and tau"
     other = {name: stretch.signals[:, k].copy() for k, (role, name, _) in enumerate(layout) if role == "other"}
     return Run(
         name=stretch.name,
         time=stretch.time,
-        q=block("q"),
-        tau=block("tau"),
+        q=q,
+        tau=tau,
         test=stretch.test,
         dq=block("dq"),
         ddq=block("ddq"),
@@ -191,7 +193,7 @@ def _run(stretch: Stretch, layout) -> Run:
     )
 
 
-def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note) -> list[Run]:
+def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note: Callable[[str], None]) -> list[Run]:
     """Mark the held-out rows by the rule of the contract."""
     split = any(whole is None for _, whole in runs)
     if test_given or split:

@@ -7,8 +7,6 @@ import numpy as np
 from cosim.errors import InputError, Problem
 from cosim.measured.recording import Recording, Run
 
-TURN = 2 * np.pi
-PHANTOM_TORQUE = 10.0  # N m: the device peaks at 8.5 N on 0.4 m (PHYSICS.md 1); more is another unit
 SUSPECT = (
     (180 / np.pi, "deg"),
     (np.pi / 180, "rad where deg is said"),
@@ -19,7 +17,7 @@ SUSPECT = (
 
 def check(recording: Recording) -> list[str]:
     """Doubts in words. Raises InputError for a dead channel or a unit that cannot be right."""
-    problems = _constant(recording) + _angles(recording) + _torques(recording)
+    problems = _constant(recording) + _too_large(recording)
     velocity_problems, notes = _velocities(recording)
     if problems + velocity_problems:
         raise InputError(problems + velocity_problems)
@@ -30,13 +28,18 @@ def _constant(recording: Recording) -> list[Problem]:
     problems = []
     columns = recording.description.columns
     for role, advice in (("q", "a stuck encoder, or a joint that was never moved?"), ("tau", "a dead torque channel?")):
-        for joint, name in enumerate(getattr(columns, role)):
-            values = {float(v) for run in recording.runs for v in _extremes(getattr(run, role)[:, joint])}
+        for joint, name in enumerate(columns.of_role(role)):
+            values = {float(v) for run in recording.runs for v in _extremes(_signals(run, role)[:, joint])}
             if len(values) == 1:
                 problems.append(
                     Problem(f"column {name!r}", "a signal that varies", f"{values.pop():g} everywhere", advice)
                 )
     return problems
+
+
+def _signals(run: Run, role: str) -> np.ndarray:
+    """Signals (n, nj) that every recording has."""
+    return run.q if role == "q" else run.tau
 
 
 def _extremes(values: np.ndarray) -> tuple[float, float]:
@@ -46,32 +49,22 @@ def _extremes(values: np.ndarray) -> tuple[float, float]:
 def _stuck_in_some(recording: Recording) -> list[str]:
     notes, columns = [], recording.description.columns
     for role in ("q", "tau"):
-        for joint, name in enumerate(getattr(columns, role)):
-            stuck = [run.name for run in recording.runs if np.ptp(getattr(run, role)[:, joint]) == 0]
+        for joint, name in enumerate(columns.of_role(role)):
+            stuck = [run.name for run in recording.runs if np.ptp(_signals(run, role)[:, joint]) == 0]
             if stuck:
                 notes.append(f"column {name!r} is constant in run(s) {', '.join(stuck[:6])}")
     return notes
 
 
-def _angles(recording: Recording) -> list[Problem]:
-    """A PHANToM joint cannot leave +-pi: larger numbers are degrees or counts."""
-    if recording.device != "phantom":
-        return []
-    largest = max(np.abs(run.q).max() for run in recording.runs)
-    if largest <= TURN:
-        return []
-    got = f"up to {largest:.4g}"
-    return [Problem("columns of q", "rad, within the PHANToM's +-3", got, 'if they are degrees, say [units] q = "deg"')]
-
-
-def _torques(recording: Recording) -> list[Problem]:
-    if recording.device != "phantom":
-        return []
-    largest = max(np.abs(run.tau).max() for run in recording.runs)
-    if largest <= PHANTOM_TORQUE:
-        return []
-    advice = 'if they are mN m, say [units] tau = "mN.m"; amplifier commands need a [scale]'
-    return [Problem("columns of tau", "N m, a PHANToM gives less than 2", f"up to {largest:.4g}", advice)]
+def _too_large(recording: Recording) -> list[Problem]:
+    """Signals that exceed what the device can do: their unit is another one."""
+    problems = []
+    for limit in recording.device.limits():
+        largest = max(np.abs(_signals(run, limit.role)).max() for run in recording.runs)
+        if largest > limit.largest:
+            where = f"columns of {limit.role}"
+            problems.append(Problem(where, limit.expected, f"up to {largest:.4g}", limit.advice))
+    return problems
 
 
 def _velocities(recording: Recording) -> tuple[list[Problem], list[str]]:
@@ -103,7 +96,7 @@ def _slope(runs: tuple[Run, ...], joint: int) -> float | None:
         count = min(len(means), len(ends))
         rate = ends[:count] / (width * run.step)
         top, bottom = top + means[:count] @ rate, bottom + rate @ rate
-    return top / bottom if bottom > 0 else None
+    return float(top / bottom) if bottom > 0 else None
 
 
 def _interleaved(recording: Recording) -> list[str]:
@@ -137,8 +130,8 @@ def _continues(first: Run, second: Run) -> bool:
 def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
     """Frequency, as a share of the Nyquist frequency, above which a low-pass filter has emptied the spectrum.
 
-    `order` differences are taken first, which flattens the spectrum of a position. The mark of a filter is a sharp
-    fall: four decades of power within half an octave that stays down. None where there is no such mark.
+    `order` differences are taken first, which flattens the spectrum of a position. A filter shows as a sharp fall that
+    does not recover: four decades of power within half an octave. None where there is none.
     """
     from scipy.signal import welch
 
@@ -158,13 +151,12 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
 
 
 def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float | None:
-    """Frequency [Hz] above which the acceleration (n,) holds next to nothing though the torque (n,) does; None:
-    nowhere.
+    """Frequency [Hz] above which the acceleration (n,) is almost empty though the torque (n,) is not; None where there
+    is no such frequency.
 
     gain(f) = sqrt(S_tau / S_ddq) is an inertia at low frequencies; sensor noise makes it fall with f. Where it rises
-    20-fold
-    the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out: central
-    differences have a zero there.
+    20-fold the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out:
+    central differences have a zero there.
     """
     from scipy.signal import welch
 
@@ -186,12 +178,12 @@ def _filtered(recording: Recording) -> list[str]:
         marks = {"q": low_passed(longest.q[:, joint], 2), "tau": low_passed(longest.tau[:, joint])}
         if recording.description.torque_held:
             marks["tau"] = None  # the mean over two samples empties the top of the band: that is known
-        found = [name for name, mark in marks.items() if mark is not None]
+        found = [(name, mark) for name, mark in marks.items() if mark is not None]
         if len(found) == 1:
-            other = "tau" if found == ["q"] else "q"
-            nyquist = 0.5 / longest.step
+            ((name, mark),) = found
+            other = "tau" if name == "q" else "q"
             notes.append(
-                f"{label}: {found[0]} was low-pass filtered near {marks[found[0]] * nyquist:.3g} Hz and {other} was "
+                f"{label}: {name} was low-pass filtered near {mark * 0.5 / longest.step:.3g} Hz and {other} was "
                 "not: a lag between the two sides may be the filter's, and errors above it are not the model's"
             )
         elif not found:

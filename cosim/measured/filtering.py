@@ -1,9 +1,8 @@
 """Differentiation and low-pass filters for recorded motion; every filter here has a name and a delay that is stated.
 
-The same low-pass filter goes over both sides of the equation of motion (Taati 3.1). Acceleration is never formed by
-itself:
-with P the momentum columns, F{dP/dt} is the filter's own derivative of P, exact for products too ("total derivatives",
-PHYSICS.md 4; Taati Eqs. 13-14; Hsu et al. 1987).
+The same low-pass filter is applied to both sides of the equation of motion (Taati 3.1). Acceleration is never formed
+by itself: with P the momentum columns, F{dP/dt} is the filter's own derivative of P, exact for products too ("total
+derivatives", PHYSICS.md 4; Taati Eqs. 13-14; Hsu et al. 1987).
 """
 
 from abc import ABC, abstractmethod
@@ -28,15 +27,15 @@ class LowPass(ABC):
 
     @abstractmethod
     def settle(self, step: float) -> tuple[int, int]:
-        """Rows at the start and at the end that the filter's start-up falsifies."""
+        """Number of rows at the start and at the end that the filter's transient makes unusable."""
 
     @abstractmethod
     def spread(self, step: float) -> tuple[int, int]:
-        """Rows before and after an instant over which the filter smears a jump at it."""
+        """Number of rows before and after a jump over which the filter spreads it."""
 
     @abstractmethod
     def decimation(self, step: float) -> int:
-        """Every how many rows the filtered signal may be kept without aliasing."""
+        """The factor by which the filtered signal may be decimated without aliasing."""
 
 
 @frozen
@@ -109,7 +108,7 @@ class ZeroPhase(LowPass):
 class Window(LowPass):
     """Weighted mean over a Hann window of length 1 / `cutoff` [Hz]: no delay, half the amplitude at `cutoff`.
 
-    Its reach is finite, so what happens outside the window cannot touch a row: a fault left out is left out wholly.
+    The window is finite, so a row does not depend on samples outside it: rows that are left out have no influence.
     """
 
     cutoff: float
@@ -154,7 +153,7 @@ class Window(LowPass):
 def _butterworth(order: int, cutoff: float, step: float) -> np.ndarray:
     from scipy.signal import butter
 
-    return butter(order, cutoff, fs=1 / step, output="sos")
+    return np.asarray(butter(order, cutoff, fs=1 / step, output="sos"))
 
 
 def derivative(signal: np.ndarray, step: float) -> np.ndarray:
@@ -181,10 +180,12 @@ class FilteredMotion:
 
     @property
     def time(self) -> np.ndarray:
+        """Time stamps (n,) [s]."""
         return self.run.time
 
     @property
     def step(self) -> float:
+        """Sampling period [s]."""
         return self.run.step
 
 
@@ -197,12 +198,13 @@ def differentiated(run: Run, low_pass: LowPass) -> FilteredMotion:
 
 def as_recorded(run: Run) -> FilteredMotion:
     """The recorded dq as it stands: where regressor columns were made with it, another one would not fit them."""
+    assert run.dq is not None, "the caller has seen that the run has a recorded velocity"
     return FilteredMotion(run, run.q, run.dq, run.tau, "as recorded")
 
 
 def motion(recording: Recording, run: Run, low_pass: LowPass) -> FilteredMotion:
-    """The motion of a run: the recorded dq for device "regressor" where there is one, else differentiated q."""
-    if recording.device == "regressor" and run.dq is not None:
+    """The motion of a run: q differentiated, or the recorded dq where the model's columns were recorded with it."""
+    if recording.device.recorded_columns and run.dq is not None:
         return as_recorded(run)
     return differentiated(run, low_pass)
 

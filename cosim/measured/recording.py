@@ -6,6 +6,7 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.measured.description import RecordingDescription
+from cosim.measured.device import Device
 
 
 @frozen(eq=False)
@@ -13,7 +14,8 @@ class Run:
     """One uninterrupted stretch of recording with n rows, nj joints and an even step.
 
     time (n,) [s]; q, tau, dq, ddq, q_ref (n, nj) [SI of the description]; force (n, 3) [N], tip, base frame;
-    regressor (n, p) and rigid (n,) for device "regressor"; test (n,) marks the held-out rows. None: not recorded.
+    regressor (n, p) and rigid (n,): recorded columns and torque of the rigid body; test (n,) marks the held-out rows.
+    None: not recorded.
     """
 
     name: str
@@ -53,9 +55,11 @@ class Recording:
     files: tuple[str, ...] = ()
 
     @property
-    def device(self) -> str:
+    def device(self) -> Device:
+        """What was recorded."""
         return self.description.device
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints in words."""
         return self.description.joints

@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
 
-SHORTEST = 64  # rows; below this a low-pass filter has nothing to work on
+SHORTEST = 64  # rows; a low-pass filter needs that many
 BRIDGED = 5  # missing samples up to this are interpolated, more split the run
 JITTER = 0.05  # of a step: stamps this close to an even grid are taken as even
 
@@ -39,7 +39,7 @@ Note = Callable[[str], None]
 
 
 def repair(stretch: Stretch, note: Note) -> list[Stretch]:
-    """Even, complete stretches from one run; each repair is told to `note`. Raises InputError."""
+    """Even, complete stretches from one run; each repair is described to `note`. Raises InputError."""
     stretch = _timed(stretch, note)
     pieces = [piece for part in _restarts(stretch, note) for piece in _repair_times(part, note)]
     even = [_even(_unwrapped(_filled(piece, note), note), note) for piece in pieces]
@@ -126,7 +126,7 @@ def _complete(stretch: Stretch, note: Note) -> list[Stretch]:
         share = 100 * bad[:, column].mean()
         got = f"{share:.0f} % of the rows are empty, NaN or infinite"
         raise InputError(Problem(f"{stretch.name}: {stretch.names[column]}", "numbers", got))
-    hole = _long_holes(bad.any(axis=1))
+    hole = _long_holes(np.asarray(bad.any(axis=1)))
     if not hole.any():
         return [stretch]
     pieces = np.split(np.arange(len(hole)), np.flatnonzero(np.diff(hole.astype(int))) + 1)

@@ -9,7 +9,21 @@ from cosim.arm.dynamics import gravity_torque, heaviest_direction, yaw_inertia
 from cosim.arm.kinematics import L1, L2, forward, radius
 from cosim.arm.parameters import ParameterSet
 from cosim.arm.workspace import BOX, Definiteness, Workspace, block_eigenvalue, mesh, outline
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, PURPLE, RED, figure, to_svg
+from cosim.report.canvas import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    Axes,
+    ContourSet,
+    MplFigure,
+    figure,
+    to_svg,
+)
 
 NOT_DEFINITE = "#f3c9b5"
 TERM_COLOURS = dict(zip(TERMS, COLOURS[:5], strict=True))
@@ -45,7 +59,7 @@ def section_figure(params: ParameterSet, workspace: Workspace, levels: Sequence[
     return to_svg(fig)
 
 
-def _draw_arm(axis) -> None:
+def _draw_arm(axis: Axes) -> None:
     """Upper arm and forearm at q = 0."""
     points = 1e3 * np.array([(0, L2), (L1, L2), (L1, 0)])
     axis.plot(*points.T, color=ORANGE, lw=2.5, marker="o", ms=4, label="arm at q = 0")
@@ -73,8 +87,8 @@ def definite_maps_figure(sets: Sequence[ParameterSet], workspace: Workspace) -> 
     columns = 4
     rows = -(-len(sets) // columns)
     fig, axes = figure(rows, columns, width=10.0, height=2.6 * rows)
+    maps = [_definite_axes(axis, params, workspace) for axis, params in zip(axes.flat, sets, strict=False)]
     for axis, params in zip(axes.flat, sets, strict=False):
-        drawn = _definite_axes(axis, params, workspace)
         axis.set(title=params.name, xticks=(-50, 0, 50, 100), yticks=(0, 50, 100, 150))
     for axis in axes.flat[len(sets) :]:
         axis.set_axis_off()
@@ -82,17 +96,17 @@ def definite_maps_figure(sets: Sequence[ParameterSet], workspace: Workspace) -> 
         axis.set_ylabel("q3 [deg]")
     for axis in axes[-1]:
         axis.set_xlabel("q2 [deg]")
-    fig.colorbar(drawn, ax=axes, label="smallest eigenvalue of M [1e-3 kg m$^2$]", shrink=0.8)
+    fig.colorbar(maps[-1], ax=axes, label="smallest eigenvalue of M [1e-3 kg m$^2$]", shrink=0.8)
     return to_svg(fig)
 
 
-def _definite_axes(axis, params: ParameterSet, workspace: Workspace):
+def _definite_axes(axis: Axes, params: ParameterSet, workspace: Workspace) -> ContourSet:
     q = mesh(workspace)
     least = np.minimum(yaw_inertia(params.pi, q), block_eigenvalue(params.pi, q[..., 1] - q[..., 2]))
     return _map(axis, q, 1e3 * np.clip(least, -2.4e-3, 2.4e-3), np.linspace(-2.4, 2.4, 13), "RdBu")
 
 
-def _map(axis, q: np.ndarray, value: np.ndarray, levels: np.ndarray, colours: str):
+def _map(axis: Axes, q: np.ndarray, value: np.ndarray, levels: np.ndarray, colours: str) -> ContourSet:
     """Filled contours of a value (n, n) over the poses of `mesh`, the zero line in black."""
     grid = np.rad2deg(q[..., 1]), np.rad2deg(q[..., 2])
     drawn = axis.contourf(*grid, value, levels=levels, cmap=colours)
@@ -122,14 +136,14 @@ def joint_dissections_figure(found: Sequence[Dissection], joint: int, until: flo
     return to_svg(fig)
 
 
-def _term_lines(axis, found: Dissection, joint: int, until: float) -> None:
+def _term_lines(axis: Axes, found: Dissection, joint: int, until: float) -> None:
     shown = found.time <= until
     for name, torque in zip(TERMS, found.torque, strict=True):
         axis.plot(found.time[shown], 1e3 * torque[shown, joint], color=TERM_COLOURS[name], lw=1.1, label=name)
     axis.set_xlim(0, until)
 
 
-def _finish_terms(fig, axes) -> None:
+def _finish_terms(fig: MplFigure, axes: np.ndarray) -> None:
     axes[-1, 0].set_xlabel("time [s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     fig.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)

@@ -6,10 +6,15 @@ Figures are made without pyplot, so nothing is global and threads do not meet.
 import io
 import re
 from hashlib import sha256
+from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes as Axes
+from matplotlib.contour import ContourSet as ContourSet
 from matplotlib.figure import Figure as MplFigure
+from matplotlib.figure import FigureBase as FigureBase
+from matplotlib.rcsetup import cycler
 
 # Okabe and Ito, "Color Universal Design" (2008): distinguishable with every kind of colour blindness.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, YELLOW, BLACK = (
@@ -25,7 +30,7 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, YELLOW, BLACK = (
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
 GREY = "#8a8f98"
 
-_STYLE = {
+_STYLE: dict[Any, object] = {
     "font.family": ["DejaVu Sans", "sans-serif"],
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -40,7 +45,7 @@ _STYLE = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+    "axes.prop_cycle": cycler(color=COLOURS),
     "axes.formatter.useoffset": False,
     "grid.color": "#e6e8ec",
     "grid.linewidth": 0.7,
@@ -54,7 +59,12 @@ _STYLE = {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
 }
-_SVG = {"svg.fonttype": "none", "svg.hashsalt": "cosim", "path.simplify": True, "path.simplify_threshold": 0.5}
+_SVG: dict[Any, object] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cosim",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.5,
+}
 
 
 def figure(rows: int = 1, cols: int = 1, width: float = 8.0, height: float = 4.5) -> tuple[MplFigure, np.ndarray]:
@@ -81,8 +91,9 @@ def _tidy(fig: MplFigure) -> None:
         if title:
             axes.set_title("", loc="center")
             axes.set_title(title, loc="left", fontsize=9.5, fontweight="bold")
-        if axes.get_legend() is not None:
-            axes.get_legend().set_frame_on(False)
+        legend = axes.get_legend()
+        if legend is not None:
+            legend.set_frame_on(False)
 
 
 def _inline(document: str) -> str:

@@ -20,7 +20,7 @@ MOODS = {Answer.FOUND: "good", Answer.COMPLETE: "good", Answer.UNEXPLAINED: "neu
 
 
 def save(closure: Closure, folder: Path | str) -> Closure:
-    """Write everything that `cosim close-loop` leaves, the page last; returns what was written."""
+    """Write all files of `cosim close-loop`, the report last; returns the closure as written."""
     closure = write(closure, folder)
     write_report(page(closure), Path(folder) / "report.html")
     return closure
@@ -36,7 +36,7 @@ def page(closure: Closure) -> Report:
         [s for s in made if s is not None],
         {
             "recordings": ", ".join(closure.recording.files),
-            "device": closure.recording.device,
+            "device": closure.recording.device.word,
             "filter": _filter(closure),
         },
         MOODS[closure.verdict.answer],
@@ -55,9 +55,9 @@ def _unit(closure: Closure) -> str:
 
 
 def _models(closure: Closure) -> tuple[Model, Model] | None:
-    if closure.selection is None:
+    if closure.before is None or closure.selection is None:
         return None
-    return closure.before, closure.verdict.best
+    return closure.before, closure.verdict.models()[1]
 
 
 def error_figure(closure: Closure) -> MplFigure:
@@ -240,13 +240,13 @@ def _parameters(closure: Closure) -> Section | None:
         (
             f.name,
             f.joints,
-            f"{name}{' (effective)' * (name in effective(f))}",
+            f"{label}{' (effective)' * (label in effective(f))}",
             value,
-            f"{f.interval[name][0]:.4g} to {f.interval[name][1]:.4g}",
+            f"{f.interval[label][0]:.4g} to {f.interval[label][1]:.4g}",
             f.effect.equation,
         )
         for f in closure.verdict.findings
-        for name, value in f.parameters.items()
+        for label, value in f.parameters.items()
     ]
     if not rows:
         return None
@@ -352,7 +352,7 @@ def _replay(closure: Closure) -> Section | None:
     header = ("joint", "torque before [%]", "torque after [%]", "95 % interval", "position before", "position after")
     figures = (
         []
-        if r.time is None
+        if not len(r.time)
         else [Figure(plots.replayed(r.time, r.tau, r.tau_before, r.tau_after, labels, _unit(closure)))]
     )
     text = (

@@ -27,10 +27,8 @@ def torque_before_after(
         right.plot(time[keep], after[j, keep], color=BLUE, lw=1.0, label="residual after")
         left.set_ylabel(f"{label} [{unit}]")
         if j == 0:
-            (
-                left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1)),
-                right.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1)),
-            )
+            left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+            right.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
     for ax in axes[-1]:
         ax.set_xlabel("time [s], held-out rows")
     return to_svg(fig)
@@ -130,7 +128,11 @@ def replayed(
 
 
 def error_bars(
-    before: Sequence[float], after: Sequence[float], interval: Sequence, floor: Sequence, labels: Sequence[str]
+    before: Sequence[float],
+    after: Sequence[float],
+    interval: Sequence[tuple[float, float]],
+    floor: Sequence[float | None],
+    labels: Sequence[str],
 ) -> MplFigure:
     """Held-out RMS% per joint before and after, with the interval of after and the floor where it is known."""
     fig, axes = figure(1, 1, 6.0, 2.8)

@@ -3,7 +3,7 @@
 The only module that imports jinja2. Everything is inline: no script, no font, no picture is fetched.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,14 +20,16 @@ class Code:
         return self.text
 
 
+def _rows(rows: Iterable[Iterable[object]]) -> tuple[tuple[object, ...], ...]:
+    return tuple(tuple(row) for row in rows)
+
+
 @frozen
 class Table:
-    """Rows of cells under a header. Numbers are written with `digits` significant ones, None as a dash, `Code` as
-    code.
-    """
+    """Rows of cells under a header. Numbers have `digits` significant digits, None is a dash, `Code` is code."""
 
-    header: Sequence[str] = field(converter=tuple)
-    rows: Sequence[Sequence[object]] = field(converter=lambda rows: tuple(tuple(row) for row in rows))
+    header: tuple[str, ...] = field(converter=tuple)
+    rows: tuple[tuple[object, ...], ...] = field(converter=_rows)
     caption: str = ""
     digits: int = 6
 
@@ -46,8 +48,8 @@ class Section:
 
     heading: str
     text: str = ""
-    tables: Sequence[Table] = field(default=(), converter=tuple)
-    figures: Sequence[Figure] = field(default=(), converter=tuple)
+    tables: tuple[Table, ...] = field(default=(), converter=tuple)
+    figures: tuple[Figure, ...] = field(default=(), converter=tuple)
 
 
 @frozen
@@ -56,7 +58,7 @@ class Report:
 
     title: str
     verdict: str
-    sections: Sequence[Section] = field(default=(), converter=tuple)
+    sections: tuple[Section, ...] = field(default=(), converter=tuple)
     provenance: dict[str, object] = field(factory=dict)
     mood: str = "neutral"
 

@@ -4,7 +4,6 @@ from importlib.metadata import version
 
 import numpy as np
 
-from cosim.arm.parameters import parameter_set
 from cosim.identification.document import verdict
 from cosim.identification.identification import Identification, unexcited, without_friction
 from cosim.identification.idim import Idim
@@ -15,10 +14,10 @@ from cosim.report.html import Figure, Report, Section, Table
 
 def page(found: Identification, paper: Identification, idim: Idim | None) -> Report:
     """The report of one identification beside the paper's estimator."""
-    device, joints = found.recording.device, found.recording.joints
+    joints = found.recording.joints
     sections = [_parameters(found, paper), _errors(found, paper, idim), *_figures(found), _shown(found), _data(found)]
-    provenance = {
-        "device": device,
+    provenance: dict[str, object] = {
+        "device": found.recording.device.word,
         "files": ", ".join(found.recording.files),
         "method": found.method.text(),
         "cosim": version("haptic-cosim"),
@@ -34,7 +33,7 @@ def _mood(found: Identification) -> str:
 
 
 def _parameters(found: Identification, paper: Identification) -> Section:
-    known = _known(found)
+    known = found.model.published()
     header = [
         "parameter",
         "value",
@@ -43,15 +42,15 @@ def _parameters(found: Identification, paper: Identification) -> Section:
         "std",
         "std if white",
         "paper's",
-        *([known[0]] if known else []),
+        *([known.title] if known else []),
         "unit",
     ]
-    rows, papers = [], {p.name: f"{p.value:.5g}" for p in paper.parameters}
+    rows, papers = [], {p.label: f"{p.value:.5g}" for p in paper.parameters}
     for k, p in enumerate(found.parameters):
-        other = [f"{known[1][k]:.5g}" if k < len(known[1]) else None] if known else []
+        other = [f"{known.values[k]:.5g}" if k < len(known.values) else None] if known else []
         numbers = [f"{v:.5g}" if np.isfinite(v) else None for v in p.interval]
         numbers += [f"{v:.2g}" if np.isfinite(v) else None for v in (p.std, p.std_white)]
-        rows.append([p.name, f"{p.value:.6g}", *numbers, papers.get(p.name), *other, p.unit])
+        rows.append([str(p.label), f"{p.value:.6g}", *numbers, papers.get(p.label), *other, p.unit])
     text = (
         "The standard deviation counts the residual's correlation in time: contiguous blocks of "
         f"{found.spread.block:.2g} s are left out one at a time "
@@ -64,16 +63,6 @@ def _parameters(found: Identification, paper: Identification) -> Section:
         [Table(header, rows)],
         [Figure(plots.intervals(found), "What the residual's correlation costs.")],
     )
-
-
-def _known(found: Identification):
-    """A published column to set beside a PHANToM's: name and its 14 values."""
-    if found.recording.device != "phantom":
-        return None
-    description = found.recording.description
-    if description.parameters == "declared":
-        return "declared", np.array(description.declared_pi)
-    return f"set {description.configuration}", parameter_set(description.configuration).vector
 
 
 def _errors(found: Identification, paper: Identification, idim: Idim | None) -> Section:
@@ -108,10 +97,7 @@ def _errors(found: Identification, paper: Identification, idim: Idim | None) -> 
 
 def torque_figure(found: Identification) -> MplFigure:
     """Measured and predicted torque of every joint on held-out rows."""
-    piecewise = None
-    if found.recording.device == "phantom":
-        piecewise = parameter_set("piecewise").pi
-    return plots.torques(found, without_friction(found), piecewise)
+    return plots.torques(found, without_friction(found), found.model.frictionless())
 
 
 def _figures(found: Identification) -> list[Section]:
@@ -128,7 +114,7 @@ def _shown(found: Identification) -> Section:
     rows = [
         ["condition number of the scaled regressor", shown.condition],
         ["rank", f"{shown.rank} of {len(found.parameters)}"],
-        ["not determined", ", ".join(unexcited(found)) or "none"],
+        ["not determined", ", ".join(map(str, unexcited(found))) or "none"],
         ["mass matrix positive definite over the workspace", found.positive_definite],
         ["equations fitted", int(found.stack.fit.sum())],
         ["independent samples that these are worth", [float(np.round(v)) for v in found.spread.effective]],

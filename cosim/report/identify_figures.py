@@ -5,13 +5,16 @@ parts.
 import numpy as np
 
 from cosim.identification.identification import Identification
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, MplFigure, figure, to_svg
+from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
 
 POINTS = 1500
 
 
 def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | None) -> MplFigure:
-    """Measured and predicted filtered torque per joint on held-out rows (Figs. 4 and 6)."""
+    """Measured and predicted filtered torque per joint on held-out rows (Figs. 4 and 6).
+
+    rigid (p,): parameters fitted without friction; piecewise (p',): the leading ones by another method, if there are.
+    """
     rows = _shown(found)
     time, predicted = found.stack.time[rows], found.predicted[rows]
     without = (found.stack.y @ rigid)[rows]
@@ -20,7 +23,9 @@ def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | No
         _line(ax, time, found.stack.tau[rows, j], BLACK, "measured")
         _line(ax, time, without[:, j], GREEN, "no friction", width=0.9)
         if piecewise is not None:
-            _line(ax, time, (found.stack.y[:, :, :8] @ piecewise)[rows, j], ORANGE, "piecewise", width=0.9)
+            _line(
+                ax, time, (found.stack.y[:, :, : len(piecewise)] @ piecewise)[rows, j], ORANGE, "piecewise", width=0.9
+            )
         _line(ax, time, predicted[:, j], BLUE, "identified", style="--")
         _left_out(ax, time, found.stack.keep[rows, j])
         ax.set_ylabel(f"{found.recording.joints[j]} [{_unit(found)}]")
@@ -51,12 +56,12 @@ def residuals(found: Identification, rigid: np.ndarray) -> str:
 def friction(found: Identification) -> str:
     """Viscous and Coulomb parts of the friction over time (Fig. 9)."""
     rows = _shown(found)
-    names, joints = found.stack.names, found.recording.joints
+    labels, joints, device = found.stack.labels, found.recording.joints, found.recording.device
     fig, axes = figure(len(joints), 1, height=1.0 + 1.6 * len(joints))
     for j, ax in enumerate(axes[:, 0]):
         for family, colour in (("viscous", GREEN), ("coulomb", RED)):
-            k = next((k for k, n in enumerate(names) if n in (family, f"{family}[{j + 1}]")), None)
-            if k is not None:
+            if (label := device.label(family, j)) in labels:
+                k = labels.index(label)
                 part = found.stack.y[rows, j, k] * found.params[k]
                 _line(ax, found.stack.time[rows], part, colour, {"viscous": "viscous", "coulomb": "Coulomb"}[family])
         ax.set_ylabel(f"{joints[j]} [{_unit(found)}]")
@@ -83,7 +88,7 @@ def intervals(found: Identification) -> str:
             label="white noise assumed" if line == 0 else None,
         )
         ax.plot([-half, half], [line, line], color=BLUE, lw=1.8, label="correlation counted" if line == 0 else None)
-    ax.set_yticks(range(len(shown)), [p.name for p in shown])
+    ax.set_yticks(range(len(shown)), [str(p.label) for p in shown])
     ax.invert_yaxis()
     ax.set_xlabel("half-width of the 95 % interval / white-noise standard deviation")
     ax.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
@@ -98,11 +103,13 @@ def _shown(found: Identification) -> np.ndarray:
     return rows[:: max(len(rows) // POINTS, 1)]
 
 
-def _line(ax, time, values, colour, label, style="-", width=1.3) -> None:
+def _line(
+    ax: Axes, time: np.ndarray, values: np.ndarray, colour: str, label: str, style: str = "-", width: float = 1.3
+) -> None:
     ax.plot(time, values, style, color=colour, lw=width, label=label)
 
 
-def _left_out(ax, time, keep) -> None:
+def _left_out(ax: Axes, time: np.ndarray, keep: np.ndarray) -> None:
     if not keep.all():
         ax.fill_between(time, 0, 1, where=~keep, transform=ax.get_xaxis_transform(), color=GREY, alpha=0.15, lw=0)
 

@@ -8,7 +8,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.table import SignalColumns, stacked
 from cosim.errors import InputError, Problem
 from cosim.report.applications import application_sections
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, MplFigure, figure, to_svg
+from cosim.report.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, Axes, MplFigure, figure, to_svg
 from cosim.report.html import Figure, Report, Section, Table, cell
 from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.provenance import provenance
@@ -213,7 +213,7 @@ def plain_figure(result: Result) -> MplFigure:
 
 
 def _tips(result: Result) -> MplFigure:
-    rows, (local, remote) = _thin(result), result.scenario.arms
+    rows, (local, remote) = _thin(result), _arms(result)
     time, x_l, x_r = result.time[rows], result.vector(f"{local}.x")[rows], result.vector(f"{remote}.x")[rows]
     fig, axes = figure(4, 1, 9.5, 7.2)
     for axis, (plot, name) in enumerate(zip(axes[:3, 0], "xyz")):
@@ -227,8 +227,15 @@ def _tips(result: Result) -> MplFigure:
     return fig
 
 
+def _arms(result: Result) -> tuple[str, str]:
+    """The local and the remote arm of a run that has both."""
+    arms = result.scenario.arms
+    assert arms is not None
+    return arms
+
+
 def _path(result: Result) -> str:
-    rows, (local, remote) = _thin(result), result.scenario.arms
+    rows, (local, remote) = _thin(result), _arms(result)
     fig, axes = figure(1, 3, 9.5, 3.1)
     for plot, (a, b) in zip(axes[0], ((0, 1), (2, 1), (0, 2))):
         for arm, colour, style in ((local, BLUE, "-"), (remote, ORANGE, (0, (4, 2)))):
@@ -310,12 +317,12 @@ def _stack(result: Result, names: list[str]) -> MplFigure:
     return fig
 
 
-def _legend(plot, columns: int) -> None:
+def _legend(plot: Axes, columns: int) -> None:
     """A legend above the panel, at its right end."""
     plot.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=columns)
 
 
-def _share_time(axes) -> None:
+def _share_time(axes: np.ndarray) -> None:
     for plot in axes:
         plot.margins(x=0.01)
     for plot in axes[:-1]:

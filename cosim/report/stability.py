@@ -7,9 +7,9 @@ from cosim.analysis.document import notes
 from cosim.analysis.evidence import StabilityEvidence
 from cosim.analysis.linearisation import LinearLoop
 from cosim.analysis.margin import loci
-from cosim.analysis.spectrum import abscissa, roots
+from cosim.analysis.spectrum import DelayFamily, abscissa, roots
 from cosim.errors import InputError, Problem
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, MplFigure, figure, to_svg
+from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
 from cosim.report.html import Figure, Report, Section, Table
 from cosim.results.provenance import command_line, provenance
 
@@ -40,7 +40,7 @@ def _verdict(found: Comparison) -> str:
 def _conditions(found: Comparison) -> Section:
     t = found.theory
     rows = []
-    if t.delay_sum:
+    if t.delay_sum and t.sallam_eq10:
         rows += [
             [
                 "4 B_l B_r > (T_l + T_r)^2 K_l K_r",
@@ -116,7 +116,7 @@ def loop_figure(found: Comparison, loop: LinearLoop) -> MplFigure:
     return fig
 
 
-def _nyquist(axes, found: Comparison, family) -> None:
+def _nyquist(axes: Axes, found: Comparison, family: DelayFamily) -> None:
     for k, locus in enumerate(loci(family, max(found.theory.delays))[:3]):
         axes.plot(locus.response.real, locus.response.imag, color=(BLUE, ORANGE, GREEN)[k], label=f"locus {k + 1}")
     axes.plot([-1], [0], "+", color=RED, markersize=10)
@@ -124,7 +124,7 @@ def _nyquist(axes, found: Comparison, family) -> None:
     axes.legend(loc="upper right")
 
 
-def _roots(axes, loop: LinearLoop) -> None:
+def _roots(axes: Axes, loop: LinearLoop) -> None:
     found = roots(loop.system())
     axes.axvline(0, color=BLACK, linewidth=0.8)
     for sign in (1, -1):
@@ -132,7 +132,7 @@ def _roots(axes, loop: LinearLoop) -> None:
     axes.set(xlabel="Re s [1/s]", ylabel="Im s [rad/s]", title="Rightmost roots")
 
 
-def _against_delay(axes, found: Comparison, family) -> None:
+def _against_delay(axes: Axes, found: Comparison, family: DelayFamily) -> None:
     limit = found.max_delay if found.max_delay and np.isfinite(found.max_delay) else None
     top = 1.5 * max([d for d in (*found.theory.delays, limit) if d] + [0.1])
     delays = np.linspace(0.0, top, 25)

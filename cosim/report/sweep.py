@@ -9,7 +9,20 @@ import numpy as np
 
 from cosim.analysis.evidence import StabilityEvidence
 from cosim.errors import InputError, Problem
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREY, ORANGE, PURPLE, SKY, MplFigure, figure, to_svg
+from cosim.report.canvas import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    Axes,
+    FigureBase,
+    MplFigure,
+    figure,
+    to_svg,
+)
 from cosim.report.html import Code, Figure, Report, Section, Table
 from cosim.results.provenance import command_line, versions
 from cosim.sweeps.campaign import Campaign, Curve
@@ -153,13 +166,13 @@ def _theory(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> dict[s
     if curve is None:
         return {}
     entries = {
-        axis.name: next((e for e in axis.steps() if getattr(e, "label", e) == dict(curve.others)[axis.name]), None)
+        axis.name: next(e for e in axis.steps() if getattr(e, "label", e) == dict(curve.others)[axis.name])
         for axis in campaign.sweep.enumerated
     }
     return theory_curves(campaign.sweep, campaign.task, x, y, entries)
 
 
-def _scatter(plot, marks: Sequence[tuple[float, float, str]]) -> None:
+def _scatter(plot: Axes, marks: Sequence[tuple[float | str, float | str, str]]) -> None:
     for outcome in dict.fromkeys(o for _, _, o in marks):
         colour, shape = _MARKS[outcome]
         places = np.array([(a, b) for a, b, o in marks if o == outcome])
@@ -168,12 +181,12 @@ def _scatter(plot, marks: Sequence[tuple[float, float, str]]) -> None:
         )
 
 
-def _legend(fig) -> None:
+def _legend(fig: FigureBase) -> None:
     """What is drawn, in rows below the plot, which keeps its width."""
     fig.legend(loc="outside lower center", ncols=3, frameon=False)
 
 
-def _framed(plot, x: Axis, y: Axis) -> None:
+def _framed(plot: Axes, x: Axis, y: Axis) -> None:
     plot.set(xlabel=_label(x), ylabel=_label(y), xlim=(x.low, x.high), ylim=(y.low, y.high))
     plot.set_xscale(x.scale.value)
     plot.set_yscale(y.scale.value)
@@ -208,15 +221,15 @@ def _crossing_figure(campaign: Campaign, axis: Axis, last: Axis) -> MplFigure:
     return fig
 
 
-def _crossing_plot(plot, campaign: Campaign, axis: Axis, last: Axis) -> None:
-    groups: dict[str, list[tuple[object, float]]] = {}
+def _crossing_plot(plot: Axes, campaign: Campaign, axis: Axis, last: Axis) -> None:
+    groups: dict[str, list[tuple[float | str, float]]] = {}
     for curve in campaign.curves:
         prefix = ", ".join(str(entry) for _, entry in curve.others[:-1])
         groups.setdefault(prefix, []).extend((curve.others[-1][1], line[0][0]) for line in curve.lines)
     names = [c.label for c in last.choices]
     joined = not names and all(len(curve.lines) == 1 for curve in campaign.curves)
     for k, (prefix, pairs) in enumerate(groups.items()):
-        places = [names.index(a) if names else a for a, _ in pairs]
+        places = [names.index(a) if isinstance(a, str) else a for a, _ in pairs]
         plot.plot(
             places,
             [b for _, b in pairs],

@@ -9,7 +9,6 @@ from html import escape
 
 from attrs import field, frozen
 
-from cosim.scenario import Scenario
 from cosim.signals import stem
 from cosim.wiring import Hop, Wiring
 
@@ -93,21 +92,22 @@ _MARKER = (
 def place(wiring: Wiring) -> list[Box]:
     """Boxes of all components on the grid, no two at the same place."""
     neighbours = _neighbours(wiring)
-    if wiring.scenario.arms is None or not (wiring.lr or wiring.rl):
+    arms = wiring.scenario.arms
+    if arms is None or not (wiring.lr or wiring.rl):
         return _layers(wiring)
-    ring = _ring(wiring)
+    ring = _ring(wiring, arms)
     rest = [name for name in wiring.scenario.components if name not in ring]
     boxes = dict(ring)
     for name in rest:
-        boxes[name] = _beside(name, neighbours[name], boxes, wiring.scenario)
+        boxes[name] = _beside(name, neighbours[name], boxes, arms)
     shift = -min(box.column for box in boxes.values())
     lift = -min(box.row for box in boxes.values())
     return [Box(b.name, b.column + shift, b.row + lift, b.span) for b in boxes.values()]
 
 
-def _ring(wiring: Wiring) -> dict[str, Box]:
+def _ring(wiring: Wiring, arms: tuple[str, str]) -> dict[str, Box]:
     """Arms at the ends, the components of the way there on top, of the way back below."""
-    local, remote = wiring.scenario.arms
+    local, remote = arms
     there = list(wiring.lr[0].components[1:-1] if wiring.lr else ())
     back = [name for name in (wiring.rl[0].components[1:-1] if wiring.rl else ()) if name not in there]
     columns = max(len(there), len(back), 1)
@@ -118,9 +118,9 @@ def _ring(wiring: Wiring) -> dict[str, Box]:
     return boxes
 
 
-def _beside(name: str, near: set[str], boxes: Mapping[str, Box], scenario: Scenario) -> Box:
+def _beside(name: str, near: set[str], boxes: Mapping[str, Box], arms: tuple[str, str]) -> Box:
     """A free place outside the arm that the component belongs to, else between the rows."""
-    local, remote = scenario.arms
+    local, remote = arms
     placed = [boxes[n] for n in near if n in boxes]
     if local in near and remote not in near:
         wanted = (-1.0, 1.0)

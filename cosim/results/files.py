@@ -6,8 +6,9 @@ scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str]
     return path
 
 
-def _write(file, result: Result) -> None:
+def _write(file: Any, result: Result) -> None:
     file.attrs["format"] = FORMAT
     file.attrs["outcome"] = result.outcome.value
     file.attrs["message"] = result.message
@@ -72,9 +73,13 @@ def read_starts(path: Path | str) -> dict[str, float | str]:
 
     try:
         with h5py.File(path, "r") as file:
-            return json.loads(file["starts"][()]) if "starts" in file else {}
+            return _starts(file)
     except (OSError, KeyError) as error:
         raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+
+
+def _starts(file: Any) -> dict[str, float | str]:
+    return json.loads(file["starts"][()]) if "starts" in file else {}
 
 
 def read_h5(path: Path | str) -> Result:
@@ -88,7 +93,7 @@ def read_h5(path: Path | str) -> Result:
         raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
 
 
-def _read(file) -> Result:
+def _read(file: Any) -> Result:  # h5py's types do not know that a member is a group
     signals, units = {}, {}
     for component, variables in file["signals"].items():
         for data in variables.values():
@@ -141,7 +146,10 @@ def export_mat(result: Result, path: Path | str) -> Path:
 
 
 def write_table(
-    columns: Mapping[str, object], units: Mapping[str, str], attributes: Mapping[str, str], path: Path | str
+    columns: Mapping[str, Sequence[float | str]],
+    units: Mapping[str, str],
+    attributes: Mapping[str, str],
+    path: Path | str,
 ) -> Path:
     """Write a table as HDF5: one dataset (n,) a column, numbers or text, in `/columns`; attribute `unit` where there is
     one.
@@ -168,15 +176,19 @@ def write_table(
     return path
 
 
-def read_table(path: Path | str) -> dict[str, list]:
+def read_table(path: Path | str) -> dict[str, list[float | str]]:
     """The columns of `write_table`, text as str. Raises InputError where the file is none."""
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            return {
-                name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]]
-                for name, data in file["columns"].items()
-            }
+            return _columns(file)
     except (OSError, KeyError) as error:
         raise InputError(Problem(str(path), "a table of cosim", str(error))) from None
+
+
+def _columns(file: Any) -> dict[str, list[float | str]]:
+    return {
+        name: [v.decode() if isinstance(v, bytes) else float(v) for v in data[...]]
+        for name, data in file["columns"].items()
+    }

@@ -15,7 +15,7 @@ from cosim.wiring import Wiring, direction_table
 class Tracking:
     """How far the arms' tips were apart over the whole run: RMS of x_l - x_r [m], per axis and of its norm."""
 
-    axes: tuple[float, float, float]
+    axes: tuple[float, ...]
     total: float
 
 

@@ -46,16 +46,16 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
     }
     teleoperation = record_of(Teleoperation, table.get("teleoperation", {}), f"{where}: teleoperation", problems)
     connections = connections_of(table.get("connections", []), set(table["components"]), where, problems)
-    text = {key: str(table[key]).strip() for key in ("title", "description") if key in table}
     return Scenario(
         str(table.get("name", path.stem)),
         experiment or Experiment(stop=1.0),
         components,
         connections,
+        title=str(table.get("title", "")).strip(),
+        description=str(table.get("description", "")).strip(),
         teleoperation=teleoperation or Teleoperation(),
         folder=path.parent,
         warnings=tuple(map(str, table.get("warnings", ()))),
-        **text,
     )
 
 
@@ -68,7 +68,7 @@ def load_scenario(
     Raises InputError with every problem found.
     """
     scenario, problems = draft(name_or_path, overrides, effects)
-    if problems:
+    if problems or scenario is None:
         raise InputError(problems)
     return scenario
 

@@ -6,12 +6,15 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar
 
-from attrs import fields
+from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario.parts import Algorithm, Connection, Extrapolation
 from cosim.signals import Signal
+
+Record = TypeVar("Record", bound=AttrsInstance)
 
 
 def table_of(path: Path) -> dict:
@@ -40,9 +43,10 @@ def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: lis
             problems.append(Problem(f"{where}: {key}", "a known key", "an unknown one", did_you_mean(key, known)))
 
 
-def record_of(kind: type, table: object, where: str, problems: list[Problem]):
-    """An instance of a frozen class from a TOML table by cattrs, unknown keys and wrong types reported; None if
-    hopeless.
+def record_of(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
+    """An instance of a frozen class from a TOML table, made by cattrs; None where the table does not give one.
+
+    Unknown keys and values of a wrong type are added to `problems`.
     """
     if not isinstance(table, dict):
         problems.append(Problem(where, "a table", type(table).__name__))
@@ -80,7 +84,8 @@ class _UnfitError(Exception):
     """A value of the wrong kind: what was expected, what came, advice."""
 
 
-def _strict(value: object, kind, words: str):
+def _strict(value: object, kind: type | tuple[type, ...], words: str) -> Any:
+    """The value, which is of the kind asked for. Raises _UnfitError where it is of another."""
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise _UnfitError(words, repr(value), "")
     return value

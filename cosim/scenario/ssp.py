@@ -1,17 +1,16 @@
 """An SSP 1.0 archive as the table of a scenario, so that `cosim run SYSTEM.ssp` simulates what another tool wired.
 
-Read: components that are FMUs, connections between them, parameter values of component and system that stand inline or
-in
-.ssv files of the archive, stop time, the communication step of the Open Simulation Platform's annotation, and the
-master's
-algorithm of our own; what an archive does not say of these is a warning. Refused, by
-name: nested systems, parameter mappings, linear transformations, connections of the system's own connectors.
+What is read: components that are FMUs, the connections between them, parameter values of components and system (inline
+or in .ssv files of the archive), the stop time, the communication step from the Open Simulation Platform's annotation,
+and the master algorithm from our own. A warning names what an archive leaves open. Nested systems, parameter mappings,
+linear transformations and connections of the system's own connectors are refused by name.
 """
 
 import hashlib
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as xml
 
 from cosim.errors import InputError, Problem
@@ -45,14 +44,17 @@ def read_ssp(path: Path, folder: Path) -> dict:
     problems = list(_unsupported(system, path))
     if problems:
         raise InputError(problems)
-    components = {c.get("name"): _component(c, unpacked) for c in system.iterfind(f"{_SSD}Elements/{_SSD}Component")}
+    elements = system.iterfind(f"{_SSD}Elements/{_SSD}Component")
+    components = {element.get("name", ""): _component(element, unpacked) for element in elements}
     _system_parameters(system, unpacked, components)
     connections = [
         f"{c.get('startElement')}.{c.get('startConnector')} -> {c.get('endElement')}.{c.get('endConnector')}"
         for c in _forward(system)
     ]
     warnings: list[str] = []
-    experiment = {"stop": _stop(root), "step": _step(root, path, warnings)} | _master(root, path, components, warnings)
+    experiment: dict[str, object] = {"stop": _stop(root), "step": _step(root, path, warnings)} | _master(
+        root, path, components, warnings
+    )
     return {
         "name": path.stem,
         "title": root.get("name") or path.stem,
@@ -75,7 +77,7 @@ def _unpack(path: Path, folder: Path) -> Path:
         raise InputError(Problem(str(path), "an SSP archive", str(error))) from None
 
 
-def _unsupported(system, path: Path) -> Iterator[Problem]:
+def _unsupported(system: xml.Element, path: Path) -> Iterator[Problem]:
     where = f"{path.name}: System {system.get('name', '')}"
     for nested in system.iterfind(f"{_SSD}Elements/{_SSD}System"):
         yield Problem(
@@ -100,7 +102,7 @@ def _unsupported(system, path: Path) -> Iterator[Problem]:
         )
 
 
-def _forward(system) -> Iterator:
+def _forward(system: xml.Element) -> Iterator[xml.Element]:
     """Connections from outputs to inputs: SSP lets start and end stand either way round."""
     kinds = {
         (component.get("name"), connector.get("name")): connector.get("kind")
@@ -110,17 +112,17 @@ def _forward(system) -> Iterator:
     for connection in system.iterfind(f"{_SSD}Connections/{_SSD}Connection"):
         if kinds.get((connection.get("startElement"), connection.get("startConnector"))) == "input":
             for key in ("Element", "Connector"):
-                start, end = connection.get(f"start{key}"), connection.get(f"end{key}")
+                start, end = connection.get(f"start{key}", ""), connection.get(f"end{key}", "")
                 connection.set(f"start{key}", end)
                 connection.set(f"end{key}", start)
         yield connection
 
 
-def _component(component, unpacked: Path) -> dict:
+def _component(component: xml.Element, unpacked: Path) -> dict[str, Any]:
     return {"fmu": str(unpacked / component.get("source", "")), "parameters": dict(_parameters(component, unpacked))}
 
 
-def _system_parameters(system, unpacked: Path, components: dict) -> None:
+def _system_parameters(system: xml.Element, unpacked: Path, components: dict[str, dict[str, Any]]) -> None:
     """Values of the system take precedence over those of its components: `arm_l.q_start[1]`."""
     for name, value in _parameters(system, unpacked):
         component, _, variable = name.partition(".")
@@ -128,38 +130,40 @@ def _system_parameters(system, unpacked: Path, components: dict) -> None:
             components[component]["parameters"][variable] = value
 
 
-def _parameters(element, unpacked: Path) -> Iterator[tuple[str, object]]:
+def _parameters(element: xml.Element, unpacked: Path) -> Iterator[tuple[str, object]]:
     for binding in element.iterfind(f"{_SSD}ParameterBindings/{_SSD}ParameterBinding"):
         source = binding.get("source")
         scope = xml.parse(unpacked / source).getroot() if source else binding
         for parameter in scope.iter(f"{_SSV}Parameter"):
             for value in parameter:
-                yield parameter.get("name"), _value(value)
+                yield parameter.get("name", ""), _value(value)
 
 
-def _value(element) -> object:
+def _value(element: xml.Element) -> object:
     kind, text = element.tag.rpartition("}")[2], element.get("value", "")
     if kind == "Boolean":
         return text in ("true", "1")
     return {"Real": float, "Integer": int}.get(kind, str)(text)
 
 
-def _stop(root) -> float:
+def _stop(root: xml.Element) -> float:
     default = root.find(f"{_SSD}DefaultExperiment")
     return float(default.get("stopTime", 10.0)) if default is not None else 10.0
 
 
-def _step(root, path: Path, warnings: list[str]) -> float:
+def _step(root: xml.Element, path: Path, warnings: list[str]) -> float:
     algorithm = next(root.iter(f"{_OSP}FixedStepAlgorithm"), None)
     if algorithm is None:
         warnings.append(
             f"{path.name} names no communication step: {_DEFAULT_STEP} s is taken; --set experiment.step changes it"
         )
         return _DEFAULT_STEP
-    return float(algorithm.get("baseStepSize"))
+    return float(algorithm.get("baseStepSize", _DEFAULT_STEP))
 
 
-def _master(root, path: Path, components: dict, warnings: list[str]) -> dict:
+def _master(
+    root: xml.Element, path: Path, components: dict[str, dict[str, Any]], warnings: list[str]
+) -> dict[str, object]:
     """Algorithm, extrapolation and order of the experiment; step multiples go to the components."""
     found = root.find(f".//{{{MASTER}}}Algorithm")
     if found is None:
@@ -168,8 +172,8 @@ def _master(root, path: Path, components: dict, warnings: list[str]) -> dict:
             "--set experiment.algorithm and experiment.extrapolation change it"
         )
         return {"algorithm": "jacobi", "extrapolation": "hold"}
-    order = [component.get("name") for component in found]
-    for component in found:
-        if component.get("name") in components:
-            components[component.get("name")]["step_multiple"] = int(component.get("stepMultiple", 1))
+    order = [component.get("name", "") for component in found]
+    for name, component in zip(order, found):
+        if name in components:
+            components[name]["step_multiple"] = int(component.get("stepMultiple", 1))
     return {"algorithm": found.get("name"), "extrapolation": found.get("extrapolation"), "order": order}

@@ -47,8 +47,8 @@ def _value(value: object) -> str:
         return repr(float(value)) if isinstance(value, float) else repr(value)
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_value(item) for item in value) + "]"
-    if hasattr(value, "tolist"):
-        return _value(value.tolist())
+    if callable(tolist := getattr(value, "tolist", None)):  # numbers and arrays of numpy
+        return _value(tolist())
     return '"' + "".join(_ESCAPES.get(c, c) for c in str(value)) + '"'
 
 

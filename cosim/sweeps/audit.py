@@ -50,7 +50,7 @@ class AuditPlan:
         """Uniform random places for one round after the other, whatever the map is like."""
         rng = np.random.default_rng([self.seed, 77])
         while True:
-            yield [tuple(float(x) for x in place) for place in rng.uniform(0.0, 1.0, (self.points, 2))]
+            yield [(float(x), float(y)) for x, y in rng.uniform(0.0, 1.0, (self.points, 2))]
 
 
 def audited(precision: Precision, plan: AuditPlan) -> Generator[Places, list[float], tuple[Boundary, Audit]]:
@@ -61,7 +61,8 @@ def audited(precision: Precision, plan: AuditPlan) -> Generator[Places, list[flo
     boundary: Boundary = yield from trace_square(precision)
     surprises: list[tuple[float, float]] = []
     wrong: list[tuple[float, float]] = []
-    if plan.points == 0:
+    turn = 0
+    if plan.points == 0 or plan.rounds == 0:
         return boundary, Audit(0, 0, 1.0, plan.level, 0)
     for turn, places in zip(range(1, plan.rounds + 1), plan.draws()):
         values = yield places
@@ -79,7 +80,7 @@ def _contradictions(
 ) -> list[tuple[float, float]]:
     predicted, distance = boundary.predicted(places), boundary.distance(places)
     return [
-        tuple(float(x) for x in place)
+        (float(place[0]), float(place[1]))
         for place, value, sign, far in zip(places, values, predicted, distance)
         if opposite(value, sign) and far > tolerance
     ]
@@ -88,6 +89,7 @@ def _contradictions(
 def _refined(boundary: Boundary, wrong: list[tuple[float, float]], precision: Precision) -> Tracer:
     """Split the cells that hold contradictions until a corner shares their sign, then trace on."""
     tree = boundary.tree
+    assert tree is not None  # a boundary in the square keeps the tree it was found with
     for place in wrong:
         spot = tree.lattice.place(np.array(place))
         for _ in range(5):

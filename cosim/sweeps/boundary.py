@@ -44,6 +44,7 @@ class Boundary:
 
         The sign of the nearest known corner, turned once for each boundary segment between.
         """
+        assert self.tree is not None  # in two dimensions there is one
         known = [(self.tree.lattice.position(n), v) for n, v in self.tree.values.items() if np.isfinite(v)]
         corners, signs = np.array([p for p, _ in known]), np.array([1.0 if v > 0 else -1.0 for _, v in known])
         found = np.zeros(len(positions))
@@ -131,9 +132,8 @@ class _Hunt:
         self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
 
     def share(self) -> float:
-        """Next estimate, kept off the ends by a hundredth: the secant at first, then the inverse parabola through a, b,
-        c
-        where it is sure to rise from end to end, else the middle.
+        """The next estimate: the secant's at first, then that of the inverse parabola through a, b and c where that
+        is sure to be monotonous, else the middle; kept away from the ends by a hundredth.
         """
         a, b, c, fa, fb, fc = self.a, self.b, self.c, self.fa, self.fb, self.fc
         share = 0.5 * (a + b)
@@ -177,6 +177,7 @@ def trace_square(precision: Precision, tree: Tree | None = None) -> Tracer:
     for leaf in tree.suspicious():
         tree.split(leaf)
     yield from _complete(tree)
+    lines: list[list[np.ndarray]] = []
     for _ in range(_TRACES):
         while any([tree.split(leaf) for leaf in tree.crowded()]):  # noqa: C419 - every leaf is split
             yield from _complete(tree)
@@ -304,7 +305,7 @@ def _vertices(
     return found, lost
 
 
-def _bracketed(starts: list) -> Generator[Places, list[float], list[Bracket | None]]:
+def _bracketed(starts: list[tuple[_Chord, float, np.ndarray]]) -> Generator[Places, list[float], list[Bracket | None]]:
     """Brackets from the middles of chords along their steps, the steps doubled until the sign changes; None where it
     does not.
     """

@@ -13,16 +13,17 @@ import numpy as np
 from attrs import asdict, field, frozen
 
 from cosim.sweeps.audit import Audit, AuditPlan, audited
-from cosim.sweeps.boundary import Boundary, Precision, trace_line
+from cosim.sweeps.boundary import Boundary, Places, Precision, trace_line
 from cosim.sweeps.evaluate import EVALUATORS
 from cosim.sweeps.journal import Journal
 from cosim.sweeps.level_set import Budget, learn
 from cosim.sweeps.points import Point, PointResult, point
 from cosim.sweeps.pool import Task, Workers
-from cosim.sweeps.spec import Axis, BoundaryDesign, Choice, Grid, LevelSet, Sweep
+from cosim.sweeps.spec import Axis, BoundaryDesign, Choice, Entry, Grid, LevelSet, Sweep
 
 Round = list[Point]
 Course = Generator[Round, list[PointResult], "tuple[Curve, ...]"]
+Traced = tuple[Boundary, Audit | None]
 
 
 @frozen
@@ -32,7 +33,7 @@ class Curve:
     """
 
     label: str
-    others: tuple[tuple[str, object], ...]
+    others: tuple[tuple[str, float | str], ...]
     lines: tuple[tuple[tuple[float, ...], ...], ...]
     audit: Audit | None = None
 
@@ -101,12 +102,11 @@ def run_sweep(
     tell: Callable[[SweepProgress], None] | None = None,
     origin: str = "",
 ) -> Campaign:
-    """Carry the sweep out, or go on with it: what the journal in `folder` knows is not computed again.
+    """Carry the sweep out, or go on with it: what the journal in `folder` holds is not computed again.
 
-    The points asked for and their order depend on findings only, so that any number of workers gives the same table. A
-    round
-    is filled up to `chunk` points a worker with what will be asked for anyway, the audit.
-    Raises InputError where the folder holds another sweep.
+    Which points are asked for, and in which order, depends on results only, so that any number of workers gives the
+    same table. A round that would leave workers idle is filled up, to `chunk` points for each, with points that will be
+    needed in any case: those of the audit. Raises InputError where the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)
     with Journal(folder / "journal.jsonl", fingerprint(task, origin)) as journal:
@@ -127,7 +127,15 @@ def run_sweep(
 class _AskedPoints:
     """Points asked for so far, in order, and the journal that remembers what was found."""
 
-    def __init__(self, task: Task, journal: Journal, workers: Workers, chunk: int, tell, ahead: Round) -> None:
+    def __init__(
+        self,
+        task: Task,
+        journal: Journal,
+        workers: Workers,
+        chunk: int,
+        tell: Callable[[SweepProgress], None] | None,
+        ahead: Round,
+    ) -> None:
         self.task, self.journal, self.workers, self.chunk, self.tell, self.ahead = (
             task,
             journal,
@@ -173,7 +181,7 @@ def first_point(sweep: Sweep) -> Point:
 def _course(sweep: Sweep) -> Course:
     design = sweep.design
     if isinstance(design, (BoundaryDesign, LevelSet)):
-        return _traced(sweep)
+        return _traced(sweep, design)
     if isinstance(design, Grid):
         return _listed([point(sweep.axes, entries) for entries in product(*(axis.steps() for axis in sweep.axes))])
     rng = np.random.default_rng(design.seed)
@@ -186,12 +194,12 @@ def _listed(points: Sequence[Point]) -> Course:
     return ()
 
 
-def _traced(sweep: Sweep) -> Course:
+def _traced(sweep: Sweep, design: BoundaryDesign | LevelSet) -> Course:
     """All tracers of the sweep side by side: their rounds are put together, so that workers have enough to do."""
     combinations = _combinations(sweep)
-    tracers = [_tracer(sweep) for _ in combinations]
+    tracers = [_tracer(design) for _ in combinations]
     asked = [next(tracer) for tracer in tracers]
-    found: list[tuple[Boundary, Audit | None] | None] = [None] * len(tracers)
+    found: list[Traced | None] = [None] * len(tracers)
     while any(result is None for result in found):
         live = [k for k, result in enumerate(found) if result is None]
         points = [[_place(sweep, combinations[k], shares) for shares in asked[k]] for k in live]
@@ -202,10 +210,10 @@ def _traced(sweep: Sweep) -> Course:
                 asked[k] = tracers[k].send(rates)
             except StopIteration as end:
                 found[k] = end.value if isinstance(end.value, tuple) else (end.value, None)
-    return tuple(_curve(sweep, entries, *result) for entries, result in zip(combinations, found))
+    return tuple(_curve(sweep, entries, *result) for entries, result in zip(combinations, found) if result is not None)
 
 
-def _combinations(sweep: Sweep) -> list[tuple]:
+def _combinations(sweep: Sweep) -> list[tuple[Entry, ...]]:
     """Entries of the axes that are not traced, a boundary each."""
     return list(product(*(axis.steps() for axis in sweep.enumerated)))
 
@@ -225,8 +233,7 @@ def _audit(design: BoundaryDesign) -> AuditPlan:
     return AuditPlan(design.audit, design.audit_rounds, design.seed + 1, design.level)
 
 
-def _tracer(sweep: Sweep) -> Generator:
-    design = sweep.design
+def _tracer(design: BoundaryDesign | LevelSet) -> Generator[Places, list[float], Boundary | tuple[Boundary, Audit]]:
     if isinstance(design, LevelSet):
         return learn(Budget(design.count, design.start, design.batch, design.seed))
     precision = Precision(design.tolerance, design.cells, design.seed)
@@ -235,14 +242,14 @@ def _tracer(sweep: Sweep) -> Generator:
     return audited(precision, _audit(design))
 
 
-def _place(sweep: Sweep, others: Sequence[object], shares: Sequence[float]) -> Point:
+def _place(sweep: Sweep, others: Sequence[Entry], shares: Sequence[float]) -> Point:
     """The point at shares of the traced axes and entries of the others."""
-    chosen: dict[str, object] = {axis.name: axis.number(s) for axis, s in zip(sweep.traced, shares)}
+    chosen: dict[str, Entry] = {axis.name: axis.number(s) for axis, s in zip(sweep.traced, shares)}
     chosen |= {axis.name: entry for axis, entry in zip(sweep.enumerated, others)}
     return point(sweep.axes, [chosen[axis.name] for axis in sweep.axes])
 
 
-def _curve(sweep: Sweep, others: Sequence[object], boundary: Boundary, audit: Audit | None) -> Curve:
+def _curve(sweep: Sweep, others: Sequence[Entry], boundary: Boundary, audit: Audit | None) -> Curve:
     named = tuple(
         (axis.name, entry.label if isinstance(entry, Choice) else entry)
         for axis, entry in zip(sweep.enumerated, others)
@@ -255,7 +262,7 @@ def _curve(sweep: Sweep, others: Sequence[object], boundary: Boundary, audit: Au
     return Curve(label, named, lines, audit)
 
 
-def _labelled(axis: Axis, entry: object) -> str:
+def _labelled(axis: Axis, entry: float | str) -> str:
     return str(entry) if isinstance(entry, str) else f"{axis.name} {entry:g} {axis.unit}".rstrip()
 
 

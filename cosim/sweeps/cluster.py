@@ -3,6 +3,7 @@
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from cosim.errors import InputError, Problem
 from cosim.sweeps.points import Point
@@ -29,7 +30,8 @@ class DaskPool(Workers):
 
     @property
     def count(self) -> int:
-        return max(1, sum(self.client.ncores().values()))
+        cores: Any = self.client.ncores()  # a dictionary; awaitable for asynchronous clients only
+        return max(1, sum(cores.values()))
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         from distributed import as_completed
@@ -51,7 +53,7 @@ class DaskPool(Workers):
                 ready.add(future)
             yield from settled
 
-    def _submit(self, task: Task, points: tuple[Point, ...]):
+    def _submit(self, task: Task, points: tuple[Point, ...]) -> Any:
         return self.client.submit(attempt, task, points, pure=False, retries=0)
 
     def close(self) -> None:

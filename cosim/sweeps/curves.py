@@ -1,6 +1,7 @@
 """Theory curves over a traced map: largest delay or gain by each condition, from the scenario's own linearisation."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -8,16 +9,16 @@ from cosim.analysis.assessment import coupling, sides
 from cosim.analysis.criteria import delay_sum, sallam_eq10
 from cosim.analysis.linearisation import channel_bounds, linearise
 from cosim.analysis.spectrum import abscissa
-from cosim.sweeps.evaluate import loaded
+from cosim.sweeps.evaluate import setup
 from cosim.sweeps.points import point
 from cosim.sweeps.pool import Task
-from cosim.sweeps.spec import Axis, Choice, Sweep
+from cosim.sweeps.spec import Axis, Entry, Sweep
 
 SAMPLES = 33
 
 
 def theory_curves(
-    sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[str, object]
+    sweep: Sweep, task: Task, x: Axis, y: Axis, others: Mapping[str, Entry]
 ) -> dict[str, list[tuple[float, float]]]:
     """For every curve of the sweep its points (x, y): the zero of each condition along y, at even steps of x.
 
@@ -36,27 +37,28 @@ def theory_curves(
     return found
 
 
-def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, object | Choice]) -> float:
+def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, Entry]) -> float:
     """Negative where the condition holds."""
     place = point(sweep.axes, [entries[axis.name] for axis in sweep.axes])
-    at = loaded(task, place)
-    wiring = at.wiring(task, place)
+    one = setup(task, place)
+    wiring = one.wiring
     if name in ("delay_sum", "sallam_eq10"):
-        pair = sides(wiring)
-        if pair is None:
+        pair, delays = sides(wiring), [bounds[2] for bounds in channel_bounds(wiring).values()]
+        if pair is None or len(delays) != 2:
             return np.nan
-        delays = [bounds[2] for bounds in channel_bounds(wiring).values()]
-        criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), *delays)
-        used = 0.5 * sum(delays) if name == "delay_sum" else float(np.hypot(*delays)) / np.sqrt(2.0)
+        there, back = delays
+        criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), there, back)
+        used = 0.5 * (there + back) if name == "delay_sum" else float(np.hypot(there, back)) / np.sqrt(2.0)
         return used - criterion.max_delay
-    return abscissa(linearise(wiring.scenario, at.system).system())
+    return abscissa(linearise(one.scenario, one.system).system())
 
 
-def _zero(function, tolerance: float = 1e-4) -> float | None:
-    """The sign change on [0, 1] by the Illinois method; None where the ends agree."""
+def _zero(function: Callable[[float], float], tolerance: float = 1e-4) -> float | None:
+    """Where a function changes sign on [0, 1], by Brent's method; None where both ends have the same sign."""
     from scipy.optimize import brentq
 
     low, high = function(0.0), function(1.0)
     if not (np.isfinite(low) and np.isfinite(high)) or (low > 0) == (high > 0):
         return None
-    return float(brentq(function, 0.0, 1.0, xtol=tolerance))
+    found: Any = brentq(function, 0.0, 1.0, xtol=tolerance)
+    return float(found)

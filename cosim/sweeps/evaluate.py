@@ -1,11 +1,9 @@
-"""Evaluators: what is found at points of a sweep. Each is a function of (task, points), exchangeable by name in the
-sweep's file.
+"""Evaluators: functions that compute the results of a sweep at given points.
 
-`simulation` runs the batch kernel where it applies, and FMUs elsewhere, and at one in two hundred of the kernel's
-points
-too; `cosimulation` always runs FMUs; `spectrum`
-takes the growth rate from the exact spectrum of the loop linearised at its start pose (no simulation). Loaded FMUs
-stay for the next points.
+An evaluator takes a task and points and returns one result a point; a sweep's file chooses it by name. `simulation`
+runs the batch kernel where that applies and the FMUs elsewhere, and repeats one in two hundred of the kernel's points
+with the FMUs. `cosimulation` always runs the FMUs. `spectrum` simulates nothing: it takes the growth rate from the
+exact spectrum of the loop, linearised at its start pose. Loaded FMUs are kept for the next points.
 """
 
 import math
@@ -23,7 +21,7 @@ from cosim.analysis.linearisation import channel_bounds, linearise
 from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import abscissa
 from cosim.analysis.twin import twin_of
-from cosim.analysis.verdict import GrowthVerdict, judge
+from cosim.analysis.verdict import judge
 from cosim.engine.master import Result, run
 from cosim.engine.outcome import Outcome
 from cosim.errors import RunError
@@ -39,39 +37,43 @@ from cosim.wiring import Wiring
 EVALUATORS: Mapping[str, str] = {
     name: f"cosim.sweeps.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")
 }
-"""Evaluators by the short names of a sweep's file."""
+"""Evaluators by the short names that a sweep's file uses."""
 _RECORDED = ("q", "dq", "x", "saturated")
 _REPLAY_EVERY = 200
 """One in so many of the kernel's points is run by the FMUs too."""
 
 
 @frozen
-class _LoadedScenario:
-    """A scenario and its loaded FMUs."""
+class PointSetup:
+    """A point of a sweep ready to be evaluated: the wiring of its scenario with its values, and the loaded FMUs."""
 
-    scenario: Scenario
+    point: Point
+    wiring: Wiring
     system: FmuSet
 
-    def wiring(self, task: Task, point: Point) -> Wiring:
-        """The checked wiring of the scenario at a point."""
-        values = {path: value for path, value in point.values if path != SCENARIO}
-        return self.system.wiring(with_parameters(self.scenario, dict(task.set) | values))
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario with the values of the sweep and of the point."""
+        return self.wiring.scenario
 
 
-def loaded(task: Task, point: Point) -> _LoadedScenario:
-    """The loaded FMUs of the scenario that the point belongs to."""
-    return _loaded(dict(point.values).get(SCENARIO, task.scenario), task.effects)
+def setup(task: Task, point: Point) -> PointSetup:
+    """The setup of a point. Raises InputError where its values do not fit the scenario."""
+    scenario, system = _loaded(str(dict(point.values).get(SCENARIO, task.scenario)), task.effects)
+    values = {path: value for path, value in point.values if path != SCENARIO}
+    return PointSetup(point, system.wiring(with_parameters(scenario, dict(task.set) | values)), system)
 
 
 @lru_cache(maxsize=4)
-def _loaded(scenario: str, effects: str | None) -> _LoadedScenario:
-    chosen = load_scenario(scenario, effects=Path(effects) if effects else None)
-    return _LoadedScenario(chosen, open_system(chosen))
+def _loaded(name: str, effects: str | None) -> tuple[Scenario, FmuSet]:
+    """A scenario as its file has it, and the FMUs that all points of the scenario share."""
+    scenario = load_scenario(name, effects=Path(effects) if effects else None)
+    return scenario, open_system(scenario)
 
 
 def check(task: Task, point: Point) -> str:
-    """How the points will be run, in words; raises InputError where the first point does not fit the scenario."""
-    wiring = loaded(task, point).wiring(task, point)
+    """How the points will be run, in words. Raises InputError where `point`, the first, does not fit the scenario."""
+    wiring = setup(task, point).wiring
     if not task.evaluator.endswith(":simulation"):
         return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
             task.evaluator.partition(":")[2], task.evaluator
@@ -85,55 +87,44 @@ def check(task: Task, point: Point) -> str:
 
 
 def origin(task: Task, point: Point) -> str:
-    """What findings come from besides the task: the text of the scenario at a point and the hashes of its FMUs."""
-    wiring = loaded(task, point).wiring(task, point)
+    """What else decides the results: the text of the scenario at a point and the SHA-256 of every FMU."""
+    wiring = setup(task, point).wiring
     return to_toml(wiring.scenario) + " ".join(d.sha256 for d in wiring.descriptions.values())
 
 
 def simulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """Twin runs by the batch kernel where it applies, by FMUs elsewhere."""
-    wired = [_WiredPoint.of(task, point) for point in points]
-    by_kernel: dict[str, list[int]] = {}
-    for k, at in enumerate(wired):
-        if _refusal(at.wiring) is None:
-            by_kernel.setdefault(_lanes_key(at.wiring), []).append(k)
-    found: dict[int, PointResult] = {}
-    for places in by_kernel.values():
-        found |= zip(places, _batch([wired[k] for k in places]))
-    return [found[k] if k in found else _simulated(at) for k, at in enumerate(wired)]
+    setups = [setup(task, point) for point in points]
+    batches: dict[str, list[int]] = {}
+    for k, one in enumerate(setups):
+        if _refusal(one.wiring) is None:
+            batches.setdefault(_batch_key(one.wiring), []).append(k)
+    results: dict[int, PointResult] = {}
+    for numbers in batches.values():
+        results |= zip(numbers, _by_kernel([setups[k] for k in numbers]))
+    return [results[k] if k in results else _by_fmus(one) for k, one in enumerate(setups)]
 
 
 def cosimulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """Twin runs of FMUs."""
-    return [_simulated(_WiredPoint.of(task, point)) for point in points]
+    return [_by_fmus(setup(task, point)) for point in points]
 
 
 def spectrum(task: Task, points: Sequence[Point]) -> list[PointResult]:
-    """Exact growth rate of the linearised loop at the start pose, for the mean delays."""
-    found = []
-    for at in (_WiredPoint.of(task, point) for point in points):
-        rate = abscissa(linearise(at.wiring.scenario, at.loaded.system).system())
+    """Exact growth rate of the loop, linearised at the start pose with the mean delays of its channels."""
+    results = []
+    for one in (setup(task, point) for point in points):
+        rate = abscissa(linearise(one.scenario, one.system).system())
         outcome = Outcome.CONVERGED if rate < 0.0 else Outcome.GROWING
-        found.append(PointResult(outcome.value, rate, rate, rate, _evidence(at, None, rate).value))
-    return found
+        results.append(PointResult(outcome.value, rate, rate, rate, _evidence(one, None, rate).value))
+    return results
 
 
-@frozen
-class _WiredPoint:
-    """A point of the sweep with its loaded scenario and checked wiring."""
-
-    loaded: _LoadedScenario
-    wiring: Wiring
-    point: Point
-
-    @classmethod
-    def of(cls, task: Task, point: Point) -> "_WiredPoint":
-        chosen = loaded(task, point)
-        return cls(chosen, chosen.wiring(task, point), point)
+# --- twin runs --------------------------------------------------------------------------------------------------------
 
 
-def _lanes_key(wiring: Wiring) -> str:
-    """What scenarios of one kernel batch have in common: components, connections, experiment."""
+def _batch_key(wiring: Wiring) -> str:
+    """What the scenarios of one call of the kernel have in common: components, connections, experiment."""
     scenario = wiring.scenario
     return repr((scenario.name, [(n, c.kind) for n, c in scenario.components.items()], scenario.experiment))
 
@@ -148,7 +139,7 @@ def _refusal(wiring: Wiring) -> str | None:
 
 
 def _signals(wiring: Wiring) -> list[str]:
-    """What a verdict and the tracking error read."""
+    """The signals that the verdict and the tracking error are computed from."""
     names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED and not n.endswith(".saturated")]
     operator = [n for n in wiring.signals if stem(n) == "operator.f"]
     return list(
@@ -158,37 +149,47 @@ def _signals(wiring: Wiring) -> list[str]:
     )
 
 
-def _batch(wired: Sequence[_WiredPoint]) -> list[PointResult]:
+def _by_kernel(setups: Sequence[PointSetup]) -> list[PointResult]:
+    """Results of points whose scenarios the batch kernel runs together."""
     from cosim.sweeps.kernel import run_batch
 
-    wirings = [at.wiring for at in wired]
-    twins = [at.loaded.system.wiring(twin_of(at.wiring)) for at in wired]
-    results = run_batch([*wirings, *twins], _signals(wirings[0]))
-    found = zip(wired, results[: len(wired)], results[len(wired) :])
-    return [_replayed(at, result, _finding(at, result, twin)) for at, result, twin in found]
+    wirings = [one.wiring for one in setups]
+    twins = [one.system.wiring(_twin(one.wiring)) for one in setups]
+    runs = run_batch([*wirings, *twins], _signals(wirings[0]))
+    pairs = zip(setups, runs[: len(setups)], runs[len(setups) :])
+    return [_replayed(one, result, _judged(one, result, twin)) for one, result, twin in pairs]
 
 
-def _replayed(at: _WiredPoint, result: Result, finding: PointResult) -> PointResult:
-    """The finding of a kernel's run; where the point was drawn, with the largest relative difference to the FMUs'
-    run.
+def _twin(wiring: Wiring) -> Scenario:
+    """The scenario of the twin run. Raises RunError where no arm has a start that could be moved."""
+    twin = twin_of(wiring)
+    if twin is None:
+        raise RunError(wiring.scenario.name, None, "no arm whose start could be moved: no growth rate")
+    return twin
+
+
+def _replayed(one: PointSetup, result: Result, found: PointResult) -> PointResult:
+    """What was found by the kernel; at points drawn for it, beside the largest relative difference to a run of the
+    FMUs.
     """
-    if not drawn(at.point):
-        return finding
-    again = run(at.wiring.scenario, at.loaded.system, record=list(result.signals))
-    return evolve(finding, numbers={**finding.numbers, "kernel_difference": difference(result, again)})
+    if not drawn(one.point):
+        return found
+    again = run(one.scenario, one.system, record=list(result.signals))
+    return evolve(found, numbers={**found.numbers, "kernel_difference": difference(result, again)})
 
 
 def drawn(point: Point) -> bool:
-    """Whether a point that the kernel ran is run by the FMUs too: one in `_REPLAY_EVERY`, by its hash, so at random but
-    the
-    same in every process.
+    """Whether a point that the kernel ran is run by the FMUs too.
+
+    One in `_REPLAY_EVERY` is. The hash of the point decides, so the choice is random but the same in every process.
     """
     return int(point.key[:8], 16) % _REPLAY_EVERY == 0
 
 
 def difference(result: Result, other: Result) -> float:
-    """Largest difference of two runs' signals, relative to the largest value of its signal; infinite for unlike
-    lengths.
+    """Largest difference between the signals of two runs, each relative to the largest value of its signal.
+
+    Infinite for runs that ended differently.
     """
     if len(result.time) != len(other.time) or result.outcome is not other.outcome:
         return math.inf
@@ -198,24 +199,23 @@ def difference(result: Result, other: Result) -> float:
     )
 
 
-def _simulated(at: _WiredPoint) -> PointResult:
-    wiring, system = at.wiring, at.loaded.system
+def _by_fmus(one: PointSetup) -> PointResult:
+    """The result of a point by co-simulation. Raises RunError where an FMU fails."""
+    wiring = one.wiring
     record = [
         n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"
     ]
-    twin = twin_of(wiring)
-    if twin is None:
-        raise RunError(wiring.scenario.name, None, "no arm whose start could be moved: no growth rate")
-    results = [run(scenario, system, record=record) for scenario in (wiring.scenario, twin)]
-    for result in results:
+    runs = [run(scenario, one.system, record=record) for scenario in (one.scenario, _twin(wiring))]
+    for result in runs:
         if result.failure is not None:
             raise result.failure
-    return _finding(at, *results)
+    return _judged(one, *runs)
 
 
-def _finding(at: _WiredPoint, result: Result, twin: Result) -> PointResult:
-    verdict: GrowthVerdict = judge(result, twin)
-    evidence = _evidence(at, verdict.outcome)
+def _judged(one: PointSetup, result: Result, twin: Result) -> PointResult:
+    """The verdict on a run and its twin, the evidence for it, and the tracking error."""
+    verdict = judge(result, twin)
+    evidence = _evidence(one, verdict.outcome)
     apart = tracking(result)
     numbers = {"tracking_rmse": apart.total} if apart else {}
     numbers["simulated_time"] = float(result.time[-1])
@@ -224,11 +224,17 @@ def _finding(at: _WiredPoint, result: Result, twin: Result) -> PointResult:
     )
 
 
-def _evidence(at: _WiredPoint, outcome: Outcome | None, rate: float | None = None) -> StabilityEvidence:
-    """The strongest evidence, the dear conditions only where the cheap ones leave it open."""
+# --- evidence ---------------------------------------------------------------------------------------------------------
+
+
+def _evidence(one: PointSetup, outcome: Outcome | None, rate: float | None = None) -> StabilityEvidence:
+    """The strongest evidence for a point. Expensive conditions are evaluated only where cheap ones do not decide.
+
+    outcome: of the simulation (None: not simulated); rate: the abscissa [1/s] where it is known already.
+    """
     if outcome in UNSTABLE:
         return StabilityEvidence.FALSIFIED
-    wiring = at.wiring
+    wiring = one.wiring
     channels, pair = channel_bounds(wiring), sides(wiring)
     if pair is None or len(channels) != 2 or not complete(wiring):
         return strongest(outcome)
@@ -236,7 +242,7 @@ def _evidence(at: _WiredPoint, outcome: Outcome | None, rate: float | None = Non
     compensated = all(side.compensated for side in pair)
     if compensated and delay_sum(coupling(pair), *longest).holds:
         return StabilityEvidence.ANY_MASS
-    loop = linearise(wiring.scenario, at.loaded.system)
+    loop = linearise(one.scenario, one.system)
     family = loop.family()
     if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
         return StabilityEvidence.KNOWN_MASS

@@ -1,11 +1,9 @@
-"""The journal of a sweep: one line a finding, handed to the system before it counts. Kill the process at any time and
-run again.
+"""The journal of a sweep: a file with one line for each result, so that an interrupted sweep can go on.
 
-The first line says which sweep it belongs to. A line that was being written when the process died is cut off on
-opening. Lines are appended by one process only (a lock file tells); each append is one write. The disk is waited for
-once a second
-at most and at the end (a busy one takes longer than the points); only a machine that loses its power can lose what came
-after.
+The first line says which sweep the file belongs to. A result counts only once its line is written, and a line that was
+being written when the process died is cut off when the file is opened again. One process at a time appends (the file is
+locked), with one write each. The file is synchronised with the disk once a second at most, and at the end: a busy disk
+would take longer than the points do. Only a loss of power can therefore lose results, those of the last second.
 """
 
 import json

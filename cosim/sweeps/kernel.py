@@ -28,7 +28,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
 from cosim.errors import RunError
-from cosim.signals import index_of, stem
+from cosim.signals import FmuDescription, index_of, stem
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import GetOutputs, Operation, Phase, Record, SetInputs, seconds
 
@@ -216,8 +216,8 @@ class _LaneComponent:
     kind: int
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    starts: dict
-    description: object
+    starts: dict[str, float | str]
+    description: FmuDescription
 
     @classmethod
     def of(cls, wiring: Wiring, name: str) -> _LaneComponent:
@@ -293,11 +293,8 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
     found = _each(lambda settings: _run_lanes(settings, record), tasks, workers)
-    results: list[Result | None] = [None] * len(wirings)
-    for batch, outcomes in zip(batches, found):
-        for i, result in zip(batch, outcomes):
-            results[i] = result
-    return results
+    results = {i: result for batch, some in zip(batches, found) for i, result in zip(batch, some)}
+    return [results[i] for i in range(len(wirings))]
 
 
 def _each(action: Callable, tasks: Sequence, workers: int) -> list:
@@ -509,13 +506,13 @@ class _Call:
         return native
 
     def _give_series(self, native: _NativeComponent, i: int) -> None:
-        series = [setting.series[i] for setting in self.filled]
+        series = [values for setting in self.filled if (values := setting.series[i]) is not None]
         native.series = self.arena.pointers([self.arena.array(values) for values in series])
         native.n_series = series[0].shape[1]
         native.series_step = self.arena.indices([int(len(values) > 1) for values in series])
 
     def _give_history(self, native: _NativeComponent, i: int) -> None:
-        longest = max(float(setting.series[i].max()) for setting in self.filled)
+        longest = max(float(values.max()) for setting in self.filled if (values := setting.series[i]) is not None)
         steps = int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns))
         native.capacity = 1 << (steps + 4).bit_length()
         native.history = self.arena.array(np.zeros((native.capacity, self.width, max(1, native.n_inputs))))

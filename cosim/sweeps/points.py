@@ -9,7 +9,7 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.engine.outcome import Outcome
-from cosim.sweeps.spec import SCENARIO, Axis, Choice, Sweep
+from cosim.sweeps.spec import SCENARIO, Axis, Choice, Entry, Sweep
 
 _GROWS = (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)
 
@@ -18,7 +18,7 @@ _GROWS = (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)
 class Point:
     """One entry of every axis: `entries` for tables (numbers and labels), `values` for the scenario."""
 
-    entries: tuple[object, ...]
+    entries: tuple[float | str, ...]
     values: tuple[tuple[str, object], ...]
 
     @cached_property
@@ -27,7 +27,7 @@ class Point:
         return sha256(json.dumps(self.values, sort_keys=True).encode()).hexdigest()[:24]
 
 
-def point(axes: Sequence[Axis], entries: Sequence[object]) -> Point:
+def point(axes: Sequence[Axis], entries: Sequence[Entry]) -> Point:
     """The point of one entry of each axis."""
     values: dict[str, object] = {}
     for axis, entry in zip(axes, entries):

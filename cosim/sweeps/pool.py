@@ -1,5 +1,5 @@
-"""Who evaluates points: this process, local worker processes, or a Dask cluster (`cluster`). All give findings as they
-come.
+"""Workers that evaluate points: this process, local processes, or a Dask cluster (`cluster`). All give results as they
+become known.
 
 An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded
 between calls in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again,
@@ -13,6 +13,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
 
 from attrs import field, frozen
 
@@ -106,11 +108,10 @@ class Here(Workers):
 class LocalPool(Workers):
     """`count` worker processes; one that dies is replaced.
 
-    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned: by
-    then
-    this process may have threads, which do not survive a fork. Numpy's BLAS threads would fight for the workers' cores:
-    set
-    OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim` does.
+    On Linux they are forked, so that they begin with what this process has loaded. A replacement is always spawned,
+    because by then this process may have threads, which do not survive a fork. The threads of numpy's BLAS would
+    compete with the workers for the cores: set OPENBLAS_NUM_THREADS=1 before numpy is imported, as the command `cosim`
+    does.
     """
 
     def __init__(self, count: int) -> None:
@@ -142,20 +143,23 @@ class LocalPool(Workers):
 
 def _heard(workers: Sequence["_Worker"]) -> list["_Worker"]:
     """Busy workers that have answered or died."""
-    busy = {handle: worker for worker in workers if worker.chunk for handle in (worker.pipe, worker.process.sentinel)}
-    return list(dict.fromkeys(busy[handle] for handle in wait(list(busy))))
+    busy: dict[object, _Worker] = {
+        handle: worker for worker in workers if worker.chunk for handle in (worker.pipe, worker.process.sentinel)
+    }
+    handles: list[Any] = list(busy)
+    return list(dict.fromkeys(busy[handle] for handle in wait(handles)))
 
 
 class _Worker:
     """One process with a pipe, and the chunk it is busy with."""
 
-    def __init__(self, context) -> None:
-        self.chunk = None
+    def __init__(self, context: Any) -> None:
+        self.chunk: Chunk | None = None
         self._start(context)
 
-    def _start(self, context) -> None:
+    def _start(self, context: Any) -> None:  # of forked or of spawned processes, whose types have nothing in common
         self.pipe, far = context.Pipe()
-        self.process = context.Process(target=_serve, args=(far,), daemon=True)
+        self.process: BaseProcess = context.Process(target=_serve, args=(far,), daemon=True)
         self.process.start()
         far.close()
 
@@ -171,8 +175,10 @@ class _Worker:
     def take(self) -> tuple[Chunk, tuple[PointResult, ...] | None, str]:
         """Its chunk with the findings, or with a message where it raised or died."""
         chunk, self.chunk = self.chunk, None
+        assert chunk is not None  # only a busy worker is asked
         try:
-            return chunk, *self.pipe.recv()
+            findings, message = self.pipe.recv()
+            return chunk, findings, message
         except (EOFError, OSError):
             self.process.join()
             code = self.process.exitcode
@@ -199,16 +205,17 @@ def _cause(code: int | None) -> str:
 
 
 def _serve(pipe: Connection) -> None:
-    """Loop of a worker process: Ctrl-C is the parent's business, and it ends with its parent (whose end of the pipe
-    other
-    forked workers hold too).
+    """The loop of a worker process. It ignores Ctrl-C, which its parent handles, and ends when its parent does.
+
+    The closing of the pipe would not tell it so: other forked workers hold the parent's end open too.
     """
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process().sentinel
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # this is a worker process
     try:
-        while parent not in wait([pipe, parent]):
+        while parent.sentinel not in wait([pipe, parent.sentinel]):
             task, points = pipe.recv()
             pipe.send(attempt(task, points))
     except (EOFError, OSError):

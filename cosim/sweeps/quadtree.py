@@ -86,7 +86,8 @@ class Lattice:
     def place(self, position: np.ndarray) -> tuple[float, float]:
         """The inverse of `position`."""
         steps = 2**DEPTH * np.arange(self.cells + 1)
-        return tuple(float(np.interp(position[k], self.lines[k], steps)) for k in (0, 1))
+        x, y = (float(np.interp(position[k], self.lines[k], steps)) for k in (0, 1))
+        return x, y
 
 
 class Tree:

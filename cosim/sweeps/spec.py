@@ -22,12 +22,14 @@ from collections.abc import Mapping
 from enum import Enum
 from math import prod
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
-from attrs import field, fields, frozen
+from attrs import AttrsInstance, field, fields, frozen
 
 from cosim.errors import InputError, Problem, did_you_mean
 
+Record = TypeVar("Record", bound=AttrsInstance)
 FORMAT = 1
 SCENARIO = "scenario"
 """The path under which a choice names its scenario."""
@@ -49,6 +51,10 @@ class Choice:
     label: str
     set: Mapping[str, object] = field(factory=dict)
     scenario: str = ""
+
+
+Entry = float | Choice
+"""What an axis gives to a point: a number, or one of its choices."""
 
 
 @frozen
@@ -84,7 +90,7 @@ class Axis:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
         return float((value - self.low) / (self.high - self.low))
 
-    def steps(self) -> list[object]:
+    def steps(self) -> list[Entry]:
         """The entries of a grid: values, choices, or `count` even numbers."""
         if self.choices:
             return list(self.choices)
@@ -97,14 +103,14 @@ class Axis:
         """How many entries a grid has along the axis."""
         return len(self.choices or self.values) or self.count
 
-    def random(self, rng: np.random.Generator) -> object:
+    def random(self, rng: np.random.Generator) -> Entry:
         """A uniform random entry (in the axis's scale)."""
         if self.choices or self.values:
             entries = self.steps()
             return entries[int(rng.integers(len(entries)))]
         return self.number(float(rng.uniform()))
 
-    def settings(self, entry: object) -> dict[str, object]:
+    def settings(self, entry: Entry) -> dict[str, object]:
         """Values at paths for an entry."""
         if not isinstance(entry, Choice):
             return dict.fromkeys(self.paths, entry)
@@ -162,7 +168,7 @@ class LevelSet:
 
 
 Design = Grid | Random | MonteCarlo | BoundaryDesign | LevelSet
-_DESIGNS = {
+_DESIGNS: dict[str, type[Design]] = {
     "grid": Grid,
     "random": Random,
     "monte_carlo": MonteCarlo,
@@ -227,7 +233,7 @@ def _find(name_or_path: str) -> Path:
     raise InputError(Problem("sweep", "a shipped sweep or a path to a TOML file", repr(name_or_path), advice))
 
 
-def parse_sweep(table: Mapping[str, object], path: Path) -> Sweep:
+def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     """The sweep of a TOML table. Raises InputError with every problem found."""
     problems: list[Problem] = []
     known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder")] + [*_DESIGNS, "format"]
@@ -246,26 +252,26 @@ def parse_sweep(table: Mapping[str, object], path: Path) -> Sweep:
         _structured(Axis, entry, f"{path.name}: axes[{n}]", problems)
         for n, entry in enumerate(table.get("axes", []), 1)
     ]
-    design = (
+    design: Design | None = (
         _structured(_DESIGNS[given[0]], table[given[0]], f"{path.name}: {given[0]}", problems)
         if len(given) == 1
         else None
     )
     axes = [axis for axis in axes if axis is not None]
     problems += _axis_problems(axes, path.name)
-    if not problems:
+    if not problems and design is not None:
         problems += _design_problems(design, axes, path.name)
     if "scenario" not in body:
         problems.append(Problem(f"{path.name}: scenario", "the name of a scenario", "nothing"))
     if unknown := [c for c in body.get("curves", ()) if c not in CURVES]:
         problems.append(Problem(f"{path.name}: curves", f"some of {', '.join(CURVES)}", ", ".join(map(repr, unknown))))
-    if problems:
+    if problems or design is None:
         raise InputError(problems)
     body["curves"] = tuple(body.get("curves", ()))
     return Sweep(name=str(body.pop("name", path.stem)), axes=tuple(axes), design=design, folder=path.parent, **body)
 
 
-def _structured(kind: type, table: object, where: str, problems: list[Problem]):
+def _structured(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
     from cattrs import Converter, transform_error
     from cattrs.errors import BaseValidationError
 
@@ -307,7 +313,7 @@ def _axis_problems(axes: list[Axis], where: str) -> list[Problem]:
 
 def _design_problems(design: Design, axes: list[Axis], where: str) -> list[Problem]:
     numeric = [axis.name for axis in axes if axis.numeric and not axis.values]
-    if not hasattr(design, "trace"):
+    if not isinstance(design, (BoundaryDesign, LevelSet)):
         count = getattr(design, "count", prod(axis.entries for axis in axes))
         return (
             [Problem(f"{where}: points", f"at most {_MOST_POINTS}", str(count), "lower a count")]

@@ -9,15 +9,17 @@ from cosim.results.summary import number
 from cosim.sweeps.campaign import Campaign, Curve, settings
 from cosim.sweeps.points import replay
 from cosim.sweeps.shares import shares
-from cosim.sweeps.spec import MonteCarlo
+from cosim.sweeps.spec import Axis, MonteCarlo
 
 
-def columns(campaign: Campaign) -> dict[str, list]:
+def columns(campaign: Campaign) -> dict[str, list[float | str]]:
     """One row a point, in the order in which points were first asked for: axes, outcome, growth rate, evidence, replay,
     ...
     """
     points, findings = campaign.points, campaign.findings
-    table: dict[str, list] = {axis.name: [p.entries[k] for p in points] for k, axis in enumerate(campaign.sweep.axes)}
+    table: dict[str, list[float | str]] = {
+        axis.name: [p.entries[k] for p in points] for k, axis in enumerate(campaign.sweep.axes)
+    }
     table |= {
         "outcome": [f.outcome for f in findings],
         "growth_rate": [f.growth_rate for f in findings],
@@ -27,10 +29,9 @@ def columns(campaign: Campaign) -> dict[str, list]:
     }
     for name in dict.fromkeys(name for f in findings for name in f.numbers):
         table[name] = [f.numbers.get(name, np.nan) for f in findings]
-    return table | {
-        "message": [f.message for f in findings],
-        "replay": [replay(campaign.sweep, p) for p in points],
-    }
+    table["message"] = [f.message for f in findings]
+    table["replay"] = [replay(campaign.sweep, p) for p in points]
+    return table
 
 
 def units(campaign: Campaign) -> dict[str, str]:
@@ -75,7 +76,7 @@ def kernel_replay(campaign: Campaign) -> dict[str, object] | None:
     return {"points": len(found), "largest_relative_difference": number(max(found))} if found else None
 
 
-def axes_of(campaign: Campaign) -> tuple:
+def axes_of(campaign: Campaign) -> tuple[Axis, ...]:
     """Axes of the boundary's vertices: the two traced ones, or the last other axis and the traced one."""
     sweep = campaign.sweep
     if len(sweep.traced) == 1:
@@ -83,7 +84,7 @@ def axes_of(campaign: Campaign) -> tuple:
     return sweep.traced
 
 
-def joined(curve: Curve) -> list[list[tuple]]:
+def joined(curve: Curve) -> list[list[tuple[float | str, ...]]]:
     """Lines of a curve with vertices (x, y); a boundary along one axis gives single vertices with the entry of the last
     other axis.
     """

@@ -65,7 +65,8 @@ def _paths(wiring: Wiring, start: str, end: str, units: Mapping[str, ScheduledCo
         pair = hop.connection.source.component, hop.connection.target.component
         pairs[pair] = pairs.get(pair, True) and hop.linear
     arms = set(wiring.scenario.arms or ())
-    found, stack = [], [(start,)]
+    found: list[tuple[str, ...]] = []
+    stack: list[tuple[str, ...]] = [(start,)]
     while stack and len(found) < 64:
         path = stack.pop()
         for a, b in pairs:

@@ -17,7 +17,7 @@ from cosim.wiring.wiring import Wiring
 def wire(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> Wiring:
     """Wire the scenario's components, given the description of each. Raises InputError with every problem found."""
     wiring, problems = check(scenario, descriptions)
-    if problems:
+    if problems or wiring is None:
         raise InputError(problems)
     return wiring
 

@@ -27,7 +27,13 @@ def links_of(scenario: Scenario, descriptions: Mapping[str, FmuDescription], pro
     return links
 
 
-def _ends(end: Signal, causality: str, connection: Connection, descriptions, problems: list[Problem]) -> list[str]:
+def _ends(
+    end: Signal,
+    causality: str,
+    connection: Connection,
+    descriptions: Mapping[str, FmuDescription],
+    problems: list[Problem],
+) -> list[str]:
     """The scalar variables at one end of a connection; empty, and a problem, where they are not there or of another
     causality.
     """
@@ -53,7 +59,9 @@ def _ends(end: Signal, causality: str, connection: Connection, descriptions, pro
     return names
 
 
-def _unit_problems(connection: Connection, sources, targets, descriptions) -> list[Problem]:
+def _unit_problems(
+    connection: Connection, sources: list[str], targets: list[str], descriptions: Mapping[str, FmuDescription]
+) -> list[Problem]:
     """One problem for each pair of different units in a connection."""
     found = {}
     for source, target in zip(sources, targets):
@@ -69,7 +77,9 @@ def _unit_problems(connection: Connection, sources, targets, descriptions) -> li
     return list(found.values())
 
 
-def _link(scenario: Scenario, connection: Connection, source: str, target: str, descriptions) -> Link:
+def _link(
+    scenario: Scenario, connection: Connection, source: str, target: str, descriptions: Mapping[str, FmuDescription]
+) -> Link:
     ends = Signal(connection.source.component, source), Signal(connection.target.component, target)
     producer, consumer = (descriptions[end.component] for end in ends)
     a, b = producer.variables[source], consumer.variables[target]
@@ -98,7 +108,13 @@ def driven_twice(links: list[Link]) -> list[Problem]:
     ]
 
 
-def unwired(scenario: Scenario, descriptions, links, starts, problems: list[Problem]) -> list[str]:
+def unwired(
+    scenario: Scenario,
+    descriptions: Mapping[str, FmuDescription],
+    links: list[Link],
+    starts: Mapping[str, Mapping[str, float | str]],
+    problems: list[Problem],
+) -> list[str]:
     """Notes on inputs that no connection drives and that keep their start value; a problem where they have none."""
     driven = {link.target for link in links}
     notes = []
@@ -121,7 +137,7 @@ def unwired(scenario: Scenario, descriptions, links, starts, problems: list[Prob
     return notes
 
 
-def too_many_instances(scenario: Scenario, descriptions) -> list[Problem]:
+def too_many_instances(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> list[Problem]:
     """Problems of FMUs that allow one instance in a process and are used more often."""
     used: dict[str, list[str]] = {}
     for name in scenario.components:

@@ -8,7 +8,9 @@ from cosim.signals import FmuDescription, Signal
 from cosim.wiring.wiring import Link
 
 
-def _edges(links: Iterable[Link], descriptions, assumed: bool) -> dict[Signal, list[Signal]]:
+def _edges(
+    links: Iterable[Link], descriptions: Mapping[str, FmuDescription], assumed: bool
+) -> dict[Signal, list[Signal]]:
     """Instantaneous influence between signals: links, and inputs on outputs within an FMU (unstated ones where
     `assumed`).
     """
@@ -47,7 +49,7 @@ def _cycle(edges: dict[Signal, list[Signal]]) -> list[Signal]:
     return []
 
 
-def loop_problems(links: list[Link], descriptions) -> list[Problem]:
+def loop_problems(links: list[Link], descriptions: Mapping[str, FmuDescription]) -> list[Problem]:
     """Algebraic loops: components that would need one another's value of the same instant."""
     loop = _cycle(_edges(links, descriptions, assumed=False))
     if not loop:
@@ -62,7 +64,7 @@ def loop_problems(links: list[Link], descriptions) -> list[Problem]:
     ]
 
 
-def assumed_loops(links: list[Link], descriptions) -> list[str]:
+def assumed_loops(links: list[Link], descriptions: Mapping[str, FmuDescription]) -> list[str]:
     """A note where FMUs that state no dependencies may close an algebraic loop."""
     loop = _cycle(_edges(links, descriptions, assumed=True))
     if not loop or _cycle(_edges(links, descriptions, assumed=False)):
@@ -103,7 +105,7 @@ def stepping_order(scenario: Scenario, descriptions: Mapping[str, FmuDescription
     return order
 
 
-def _feedthrough(links: list[Link], descriptions) -> dict[str, set[str]]:
+def _feedthrough(links: list[Link], descriptions: Mapping[str, FmuDescription]) -> dict[str, set[str]]:
     """For each component the wired inputs that act at once on one of its wired outputs; components without any are left
     out.
     """

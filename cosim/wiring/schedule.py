@@ -20,16 +20,20 @@ from fractions import Fraction
 
 import numpy as np
 from attrs import cmp_using, field, frozen
+from numpy.typing import ArrayLike
 
 from cosim.scenario import Algorithm
 
 
-def _indices():
-    return field(converter=lambda v: np.asarray(v, dtype=np.int64), eq=cmp_using(np.array_equal))
+def _indices(values: ArrayLike) -> np.ndarray:
+    return np.asarray(values, dtype=np.int64)
 
 
-def _numbers():
-    return field(converter=lambda v: np.asarray(v, dtype=float), eq=cmp_using(np.array_equal))
+def _numbers(values: ArrayLike) -> np.ndarray:
+    return np.asarray(values, dtype=float)
+
+
+_BY_VALUE = cmp_using(np.array_equal)
 
 
 @frozen
@@ -42,12 +46,12 @@ class SetInputs:
     """
 
     component: int
-    source: np.ndarray = _indices()
-    line: np.ndarray = _indices()
-    newer: np.ndarray = _indices()
-    older: np.ndarray = _indices()
-    weight: np.ndarray = _numbers()
-    span: np.ndarray = _numbers()
+    source: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
+    line: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
+    newer: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
+    older: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
+    weight: np.ndarray = field(converter=_numbers, eq=_BY_VALUE)
+    span: np.ndarray = field(converter=_numbers, eq=_BY_VALUE)
 
 
 @frozen
@@ -69,7 +73,7 @@ class GetOutputs:
 class Record:
     """The row of a communication point: store[source], source (signals,) places."""
 
-    source: np.ndarray = _indices()
+    source: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
 
 
 Operation = SetInputs | Step | GetOutputs
@@ -246,7 +250,7 @@ def chain_age(
     starts = range(0, math.lcm(*(unit.multiple for unit in chain)), last)
     total = Fraction(0)
     for start in starts:
-        now = start
+        now = held = start
         for i in range(len(chain) - 1, 0, -1):
             held = Timing.of(algorithm, now, chain[i - 1], chain[i], ahead[i - 1]).held
             now = held - chain[i - 1].multiple

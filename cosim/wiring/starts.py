@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
 from cosim.signals import TYPES, FmuDescription, Variable, index_of, stem
-from cosim.wiring.wiring import Wiring
 
 _SETTABLE = {"parameter", "input", "structuralParameter"}
 
@@ -54,9 +53,9 @@ def _outgrown(
     scenario: Scenario, name: str, description: FmuDescription, values: Mapping[str, float | str]
 ) -> list[Problem]:
     """The problem of a channel whose delay is known beforehand and outgrows its buffer in the time of the run."""
-    law, mean, most = (values.get(key, description.variables[key].start) for key in ("law", "delay_mean", "delay_max"))
-    law = description.variables["law"].items[int(law) - 1]
-    key, delay = ("delay_mean", mean) if law == "constant" else ("delay_max", most)
+    law = description.variables["law"].items[int(description.start("law", values)) - 1]
+    key = "delay_mean" if law == "constant" else "delay_max"
+    delay = description.start(key, values)
     experiment = scenario.experiment
     step = scenario.components[name].step_multiple * experiment.step
     if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):
@@ -99,21 +98,9 @@ def _start(variable: Variable, value: object, where: str, problems: list[Problem
     return value
 
 
-def vector_starts(starts: Mapping[str, float | str]) -> dict[str, list]:
+def vector_starts(starts: Mapping[str, float | str]) -> dict[str, list[float | str]]:
     """Start values by stem, elements in order: for tables."""
-    groups: dict[str, list[tuple[int, object]]] = {}
+    groups: dict[str, list[tuple[int, float | str]]] = {}
     for name, value in starts.items():
         groups.setdefault(stem(name), []).append((index_of(name), value))
     return {key: [value for _, value in sorted(entries, key=lambda e: e[0])] for key, entries in groups.items()}
-
-
-def resolved_starts(wiring: Wiring) -> dict[str, float | str]:
-    """Every start value of a run by `component.variable`: what the scenario sets, else what the FMU declares."""
-    found: dict[str, float | str] = {}
-    for component, description in wiring.descriptions.items():
-        given = wiring.starts[component]
-        for name, variable in description.variables.items():
-            value = given.get(name, variable.start)
-            if value is not None:
-                found[f"{component}.{name}"] = value
-    return found

@@ -80,6 +80,10 @@ class Wiring:
         """Mean age added on the local paths of the local and of the remote arm [s] (arm, its controller, arm)."""
         return _mean(self.loops_l), _mean(self.loops_r)
 
+    def start(self, component: str, variable: str) -> float:
+        """Start value of a component's numeric variable: the scenario's, else that of the FMU itself."""
+        return self.descriptions[component].start(variable, self.starts[component])
+
     def inputs(self, component: str) -> list[str]:
         """The component's wired inputs, in the order in which they are set: real ones first."""
         wired = {link.target.variable for link in self.links if link.target.component == component}
@@ -111,3 +115,15 @@ class Wiring:
 
 def _mean(paths: tuple[DelayPath, ...]) -> float:
     return sum(path.age for path in paths) / len(paths) if paths else 0.0
+
+
+def resolved_starts(wiring: Wiring) -> dict[str, float | str]:
+    """Every start value of a run by `component.variable`: what the scenario sets, else what the FMU declares."""
+    found: dict[str, float | str] = {}
+    for component, description in wiring.descriptions.items():
+        given = wiring.starts[component]
+        for name, variable in description.variables.items():
+            value = given.get(name, variable.start)
+            if value is not None:
+                found[f"{component}.{name}"] = value
+    return found

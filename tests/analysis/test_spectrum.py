@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+import qpmr
+import tdcpy
 
 from cosim.analysis.criteria import closed_form
 from cosim.analysis.spectrum import (
@@ -15,9 +17,6 @@ from cosim.analysis.spectrum import (
     root_rate,
     roots,
 )
-
-tdcpy = pytest.importorskip("tdcpy")
-qpmr = pytest.importorskip("qpmr")
 
 
 def random_sides(rng, equal):

@@ -87,7 +87,7 @@ def test_bias_of_the_boundary_under_jitter_is_below_a_thousandth():
 
 def test_rates_and_intervals_on_both_sides_of_the_boundary():
     delays = BOUNDARY * np.array([0.6, 0.9, 0.99, 1.01, 1.1, 1.4])
-    for delay, verdict in zip(delays, verdicts(delays, "sine")):
+    for delay, verdict in zip(delays, verdicts(delays, "sine"), strict=True):
         exact = abscissa(FAMILY.at(delay))
         # RK4 and cubic history at 10 ms: relative error of the rate about (omega h)^4 = 1e-5 per radian
         assert verdict.growth_rate == pytest.approx(exact, abs=2e-6)

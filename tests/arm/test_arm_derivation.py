@@ -61,7 +61,9 @@ def test_lagrange_equations_are_m_c_n():
     for _ in range(3):
         values = {s: sp.Float(str(rng.uniform(0.2, 1.5)), 40) for s in symbols}
         parameters = dict(zip(d.PI, (p.evalf(40, subs=values) for p in d.arm().pi), strict=True))
-        for lagrange, reduced in zip(d.euler_lagrange(), d.torque_rows(), strict=True):
+        joints = list(zip(d.euler_lagrange(), d.torque_rows(), strict=True))
+        assert len(joints) == 3
+        for lagrange, reduced in joints:
             assert abs(lagrange.evalf(40, subs=values) - reduced.evalf(40, subs=values | parameters)) < 1e-30
 
 

@@ -2,13 +2,10 @@
 motion.
 """
 
+import mujoco
 import numpy as np
 import pytest
 from attrs import evolve
-
-pytest.importorskip("mujoco", reason="MuJoCo is a test-only dependency (extra 'test')")
-
-import mujoco
 
 from cosim.arm import dynamics, kinematics
 from cosim.arm.counterbalance import GIMBAL, Counterweights, fitted
@@ -48,7 +45,9 @@ def model_bias(pi, q, dq):
 def test_parallelogram_closes():
     """The rod's far end stays on the forearm, though no constraint holds it there."""
     engine = Engine(parallelogram(Segments()))
-    for pose in BOX.sample(40, 1):
+    poses = BOX.sample(40, 1)
+    assert len(poses) == 40
+    for pose in poses:
         engine.place(pose)
         np.testing.assert_allclose(engine.at("on_rod"), engine.at("on_fore"), atol=1e-15)
 
@@ -56,7 +55,9 @@ def test_parallelogram_closes():
 def test_kinematics():
     engine = Engine(parallelogram(Segments()))
     origin = np.array([0.0, kinematics.L2, -kinematics.L1])
-    for pose in BOX.sample(60, 2):
+    poses = BOX.sample(60, 2)
+    assert len(poses) == 60
+    for pose in poses:
         engine.place(pose)
         linear, angular = engine.jacobians("tip")
         np.testing.assert_allclose(engine.at("tip") + origin, kinematics.forward(pose), atol=1e-15)

@@ -25,7 +25,7 @@ from cosim.engine.master import run
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario, with_parameters
 from cosim.sweeps import kernel
-from cosim.sweeps.evaluate import EVALUATORS, _signals, _WiredPoint
+from cosim.sweeps.evaluate import EVALUATORS, _signals, setup
 from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import LocalPool, Task
 from tests.benchmarks.engines import Workload, figure, fmpy_lists, machine, timed
@@ -107,7 +107,7 @@ def places(count: int) -> list[Point]:
 
 def batch(task: Task, points: Sequence[Point]) -> list[PointResult]:
     """An evaluator that runs the kernel alone."""
-    wired = [_WiredPoint.of(task, point).wiring for point in points]
+    wired = [setup(task, point).wiring for point in points]
     return [PointResult(result.outcome.value) for result in kernel.run_batch(wired, _signals(wired[0]))]
 
 

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -92,6 +91,8 @@ def test_overridden_start_values_are_checked():
     with pytest.raises(BuildError) as error:
         override(probe_table(), {"gian": 1.0, "x_start": [1.0], "internal_steps": 0})
     assert "did you mean 'gain'" in str(error.value) and "1 values for 2" in str(error.value)
+    with pytest.raises(BuildError, match=r"x_start\[2\]: 2 values for one scalar"):
+        override(probe_table(), {"x_start[2]": [1.0, 2.0]})
     assert override(probe_table(), {"law": "two", "x_start[2]": 5.0}).row("x_start").starts == [1.0, 5.0]
 
 
@@ -171,10 +172,9 @@ def test_the_cache_is_used_and_keyed_by_content(fresh_cache):
     assert first == again != other and len(seen) == 2
 
 
+@pytest.mark.needs("cc")
 def test_sources_in_the_fmu_compile_by_themselves(tmp_path):
     """FMI 2: one file that includes the rest. Any C compiler; here the machine's own, without our flags."""
-    if not shutil.which("cc"):
-        pytest.skip("no cc here")
     for version in VERSIONS:
         folder = tmp_path / str(version)
         zipfile.ZipFile(fmu_path("Operator", version)).extractall(folder)
@@ -265,10 +265,9 @@ def test_no_compiler_is_one_clear_error(fresh_cache, monkeypatch):
         fmu_path(SMALL, 3)
 
 
+@pytest.mark.needs("gcc")
 def test_a_compiler_of_ones_own(fresh_cache, monkeypatch):
     """CC is used when it is set, and gives the same numbers."""
-    if not shutil.which("gcc"):
-        pytest.skip("no gcc here")
     default = Importer(fmu_path("Operator", 3), {"amplitude[1]": 1.0})
     monkeypatch.setenv("CC", "gcc")
     own = Importer(fmu_path("Operator", 3), {"amplitude[1]": 1.0})

@@ -2,11 +2,11 @@
 
 import json
 import os
+import pty
 import resource
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -217,6 +217,15 @@ def test_impossible_parameters_name_fmu_and_parameter(tmp_path):
     assert done.returncode == 1 and "channel_lr" in done.stderr and "delay_m" in done.stderr
 
 
+def heard(terminal):
+    """What a program writes to a terminal, until it ends."""
+    while True:
+        try:
+            yield os.read(terminal, 4096).decode(errors="replace")
+        except OSError:  # Linux: the other end is closed
+            return
+
+
 def test_interruption_keeps_what_was_computed(tmp_path):
     words = [
         "run",
@@ -232,13 +241,16 @@ def test_interruption_keeps_what_was_computed(tmp_path):
         "operator.stop_time=1e9",
     ]
     cosim("show", "sallam-stable")  # whatever must be built is built
-    with subprocess.Popen(
-        [*COSIM, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        time.sleep(4.0)
-        process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=60)
-    assert process.returncode == 130, stderr
+    terminal, far = pty.openpty()
+    with subprocess.Popen([*COSIM, *map(str, words)], stdout=subprocess.DEVNULL, stderr=far) as process:
+        os.close(far)
+        told, running = "", False
+        for text in heard(terminal):
+            told += text
+            if not running and "x real time" in told:  # the progress bar
+                running = True
+                process.send_signal(signal.SIGINT)
+    assert process.returncode == 130, told
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["interrupted"] and (tmp_path / "o" / "result.h5").is_file()
 

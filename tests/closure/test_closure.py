@@ -9,18 +9,19 @@ from attrs import evolve
 
 from cosim.closure import effects_file
 from cosim.closure.closure import NO_BETTER, Options, close_loop
-from cosim.closure.data.motion import prepare, thinned
-from cosim.closure.data.setting import formulate
-from cosim.closure.data.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.document import answer, sentence
+from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
-from cosim.closure.model.model import ChosenEffect, complete
+from cosim.closure.model.model import complete
+from cosim.closure.model.motion import prepare, thinned
+from cosim.closure.model.setting import formulate
+from cosim.closure.model.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.score.selection import Rule
 from cosim.closure.verdict import Answer
 from cosim.effects import BUILT_IN, library
 from cosim.effects.position import dahl
 from cosim.errors import InputError
-from cosim.measured import Recording, RecordingDescription, Run, parse_description
+from cosim.measured import Label, PhantomDevice, Recording, RecordingDescription, Run, parse_description
 from tests.support.rig.cases import hidden
 from tests.support.rig.experiment import record
 from tests.support.rig.study import experiment
@@ -205,7 +206,7 @@ def test_an_effect_of_the_users_own_file_is_found(tmp_path):
 
     closure = close_loop(still(tau), Options(effects=effects, replayed=False))
     assert [f.name for f in closure.verdict.findings] == ["cogwheel"]
-    assert closure.verdict.findings[0].parameters["cogwheel"] == pytest.approx(0.08, rel=0.03)
+    assert closure.verdict.findings[0].parameters[Label("cogwheel")] == pytest.approx(0.08, rel=0.03)
 
 
 def test_an_effect_of_the_users_own_that_cannot_be_hashed_stands_beside_another(tmp_path):
@@ -390,8 +391,10 @@ def test_what_is_left_of_the_names_is_fitted_again_where_one_is_withdrawn(monkey
     found = close_loop(rippled(), Options(effects=SOME, replayed=False))
     (drag,) = found.verdict.findings
     assert ([f.name for f, _ in found.verdict.withdrawn], drag.aliases[-1]) == (["torque_ripple"], "unknown")
-    assert drag.parameters["quadratic_drag[1]"] == pytest.approx(found.effect_values["quadratic_drag"], rel=1e-12)
-    assert drag.parameters["quadratic_drag[1]"] == pytest.approx(0.02, rel=0.15)
+    assert drag.parameters[Label("quadratic_drag", 1)] == pytest.approx(
+        found.effect_values["quadratic_drag"], rel=1e-12
+    )
+    assert drag.parameters[Label("quadratic_drag", 1)] == pytest.approx(0.02, rel=0.15)
     (rest,) = [e for e in answer(found)["effects"] if e["name"] == "unknown"]
     assert rest["evidence"]["sure"] and rest["separated_by"]
 
@@ -404,9 +407,21 @@ def test_names_that_held_out_rows_do_not_need_leave_no_complete_model(monkeypatc
     assert found.verdict.answer is Answer.UNEXPLAINED and "was withdrawn" in sentence(found)
 
 
-def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_names():
-    case, setting = hidden("stribeck", 4.0, 303), experiment(303)
-    (run,) = record([case.plant], [setting], 30.0)
+RIGS = {
+    "stribeck": (hidden("stribeck", 4.0, 303), experiment(303)),
+    "gain": (hidden("torque_gain", 4.0, 304), experiment(304)),
+}
+
+
+@pytest.fixture(scope="module")
+def rigs():
+    """Recordings of both, in one batch, which costs as much as one of them."""
+    recorded = record([case.plant for case, _ in RIGS.values()], [setting for _, setting in RIGS.values()], 30.0)
+    return {name: (run, case) for (name, (case, _)), run in zip(RIGS.items(), recorded, strict=True)}
+
+
+def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_names(rigs):
+    run, case = rigs["stribeck"]
     half = len(run.time) // 2
     other = next(j for j in range(3) if j + 1 not in case.truth["stribeck"])
     run.q[half:, other], run.tau[half:, other] = run.q[half, other], 0.0
@@ -415,13 +430,12 @@ def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_
     assert np.isnan(found.error.after[other])
 
 
-def test_friction_behind_a_torque_gain_is_the_joints_own():
-    case, setting = hidden("torque_gain", 4.0, 304), experiment(304)
-    (run,) = record([case.plant], [setting], 30.0)
+def test_friction_behind_a_torque_gain_is_the_joints_own(rigs):
+    run, case = rigs["gain"]
     found = close_loop(recording(run, case), Options(replayed=False))
     (gain,) = found.verdict.findings
     joint = gain.joints[0] - 1
-    assert gain.parameters[f"torque_gain[{joint + 1}]"] == pytest.approx(case.plant.gain[joint], abs=0.01)
+    assert gain.parameters[Label.of_joint("torque_gain", joint)] == pytest.approx(case.plant.gain[joint], abs=0.01)
     assert found.values_after["coulomb"][joint] == pytest.approx(case.plant.coulomb[joint], rel=0.05)
 
 
@@ -570,4 +584,4 @@ def test_the_answer_is_plain_json_in_every_case(tmp_path):
     ):
         result = json.loads(json.dumps(answer(closure), allow_nan=False))
         assert {"verdict", "effects", "torque_error", "replay_error", "warnings"} <= set(result)
-        assert RecordingDescription().device == "phantom"
+        assert RecordingDescription().device == PhantomDevice()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from cosim.closure.data.smoothing import Widths
 from cosim.closure.model.gram import accumulate, fit
+from cosim.closure.model.smoothing import Widths
 from cosim.closure.score.floor import floor, period
 
 STEP = 2e-3

@@ -7,6 +7,7 @@ import pytest
 
 from cosim.closure.closure import Closure
 from cosim.closure.document import answer
+from cosim.measured import Label
 from tests.closure.real_data import OTHERS, SAME, pendulum, tool, wrist
 from tests.closure.real_data import emps as drive
 from tests.support.paths import DATA
@@ -57,7 +58,7 @@ def test_emps_torque(emps):
     before, after = errors(emps)
     assert names(emps)[0] == "viscous_asymmetry"  # its authors' finding
     assert "stribeck" not in names(emps)
-    found = emps.verdict.findings[0].parameters["viscous_asymmetry[1]"]
+    found = emps.verdict.findings[0].parameters[Label("viscous_asymmetry", 1)]
     assert found == pytest.approx((166.7 - 240.4) / 2, abs=3.0)
     assert before > 3.8  # issue: 6.0 -> 3.0; both sides pass a 22 Hz filter here, so it starts lower
     assert after < 3.0

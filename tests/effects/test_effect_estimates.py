@@ -7,17 +7,18 @@ import pytest
 
 import tests.support.arm_oracle as oracle
 from cosim.closure.closure import Options, close_loop
-from cosim.closure.data.motion import prepare, thinned
-from cosim.closure.data.setting import formulate
 from cosim.closure.document import answer
 from cosim.closure.model.candidates import Normal, screened
-from cosim.closure.model.model import ChosenEffect, complete, with_choices
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.model import complete, with_choices
+from cosim.closure.model.motion import prepare, thinned
+from cosim.closure.model.setting import formulate
 from cosim.closure.model.unnamed import hats
 from cosim.closure.score.errors import torque_error
 from cosim.closure.score.selection import Rule, polished
 from cosim.closure.verdict import Answer, intervals
 from cosim.effects import BUILT_IN, EffectEstimate
-from cosim.measured import Recording, RecordingDescription, Run
+from cosim.measured import Label, Recording, RecordingDescription, Run
 
 SEED = 1
 RATES = np.array(((0.7, 1.9, 3.1, 4.3), (0.9, 1.6, 2.9, 4.7), (0.8, 2.1, 3.4, 4.1)))
@@ -134,12 +135,9 @@ def test_parameters_are_in_their_intervals(name):
     )
     values, interval = intervals(after, 0)
     for parameter, true in truth.items():
-        low, high = interval[parameter]
-        assert low - 1e-3 * abs(true) <= true <= high + 1e-3 * abs(true), (
-            parameter,
-            values[parameter],
-            interval[parameter],
-        )
+        label = Label.read(parameter)
+        low, high = interval[label]
+        assert low - 1e-3 * abs(true) <= true <= high + 1e-3 * abs(true), (parameter, values[label], low, high)
         assert high - low < 0.6 * true, (
             parameter
         )  # the interval says something; a drift's slope is known to a quarter either way

@@ -1,22 +1,22 @@
 """The effects of close-loop against the plant in C: columns times coefficients are the torque that the FMU's
 parameters need.
 
-Two writings of one list (cosim/effects in numpy for the regression, fmu_src in C for the simulation) held together,
-so that an effect
-that was found and written into effects.toml is the effect that the FMU then has: name, sign, unit, order of the
-indices.
+Two writings of one list (cosim/effects in numpy for the regression, fmu_src in C for the simulation) held together, so
+that an effect that was found and written into effects.toml is the effect that the FMU then has: name, sign, unit, order
+of the indices.
 """
 
-import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import tests.support.arm_oracle as oracle
-from cosim.closure.effects_file import start_values
-from cosim.effects.effect import Scene
+from cosim.closure.drive import ArmDrive
+from cosim.effects.moving_arm import moving_arm
 from cosim.effects.registry import BUILT_IN
+from cosim.effects.scene import Scene
+from cosim.measured import PhantomDevice
 from tests.support.model_harness import CompiledModel
 
 ROWS, TAU = 12, np.array([0.05, -0.08, 0.03])
@@ -61,8 +61,8 @@ def scene() -> Scene:
     sign = dq / np.sqrt(dq**2 + 1e-4)
     tau = np.tile(TAU, (ROWS, 1))
     return Scene(
-        motion=_hashable(motion),
-        device="phantom",
+        motion=motion,
+        device=PhantomDevice(),
         sign=sign,
         rigid=tau,
         friction=COULOMB * sign,
@@ -70,18 +70,10 @@ def scene() -> Scene:
         viscous=VISCOUS,
         coulomb=COULOMB,
         rigid_slopes=lambda joint: ({}, {}, {joint: tau[:, joint]}),
+        arm=moving_arm(PhantomDevice(), motion),
         pi=oracle.PI,
         declared=True,
     )
-
-
-class _PrescribedMotion(SimpleNamespace):
-    __hash__ = object.__hash__
-    __eq__ = object.__eq__
-
-
-def _hashable(motion: SimpleNamespace) -> _PrescribedMotion:
-    return _PrescribedMotion(**vars(motion))
 
 
 def choices():
@@ -123,12 +115,12 @@ def test_columns_are_the_torque_of_the_fmu_parameters(effect, joints, theta):
     beta = np.array(sizes.get(effect.name, beta))
     estimate = SimpleNamespace(beta=beta, theta=theta, joints=joints, scene=s)
     parameters = effect.parameters(estimate)
-    known = {re.sub(r"\[\d+\]", "", name) for name in parameters}
+    known = {label.name for label in parameters}
     assert known <= set(CompiledModel("PhantomArm")._places), known
     expected = np.zeros((ROWS, 3))
     for j, column in columns.items():
         expected[:, j] = column @ beta
-    found = required(start_values(parameters, "phantom"), s)
+    found = required(ArmDrive().start_values(parameters), s)
     # small-angle and unit-gain columns are first order in beta
     if effect.name == "torque_gain":
         expected = expected * (
@@ -174,7 +166,7 @@ def masing(q: np.ndarray, turns: tuple[float, float]) -> np.ndarray:
 
 def presliding(q: np.ndarray, theta: tuple) -> np.ndarray:
     """The column (n,) of the effect hysteresis along a path."""
-    motion = _PrescribedMotion(q=q[:, None], time=np.arange(len(q)) * 1.0, bounds=((0, len(q)),))
+    motion = SimpleNamespace(q=q[:, None], time=np.arange(len(q)) * 1.0, bounds=((0, len(q)),))
     effect = next(e for e in BUILT_IN if e.name == "hysteresis")
     return effect.columns(SimpleNamespace(motion=motion), (0,), theta)[0][:, 0]
 

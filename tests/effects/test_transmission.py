@@ -2,8 +2,7 @@
 its recording.
 
 The FMU has two masses of its own (fmu_src/PhantomArm); the tool sees a rigid arm's recording and simulates what its
-link did behind
-the encoder. Size, motor's inertia and damping have to come back.
+link did behind the encoder. Size, motor's inertia and damping have to come back.
 """
 
 import ctypes
@@ -20,7 +19,7 @@ from cosim.effects import library
 from cosim.effects.transmission import behind
 from cosim.engine.master import run
 from cosim.fmu import open_system
-from cosim.measured import Recording, RecordingDescription, Run
+from cosim.measured import AxisDevice, Label, Recording, RecordingDescription, Run
 from cosim.scenario import load_scenario, with_parameters
 
 
@@ -96,7 +95,7 @@ def test_noise_of_the_encoder_is_no_elastic_joint():
     )
     seen = q + 1e-5 * random.standard_normal(len(time))
     run = Run("rigid", time, seen[:, None], tau[:, None], np.arange(len(time)) >= len(time) // 2)
-    found = close_loop(Recording(RecordingDescription(device="axis", gravity=True), (run,)), Options(replayed=False))
+    found = close_loop(Recording(RecordingDescription(AxisDevice(pendulum=True)), (run,)), Options(replayed=False))
     assert found.verdict.answer.value == "model_complete"
 
 
@@ -117,9 +116,13 @@ def closed(name: str, runs: int = 1):
 
 
 HIDDEN = {
-    "joint_elasticity": {"joint_compliance[1]": 0.15, "motor_inertia[1]": 1e-3, "joint_damping[1]": 6e-3},
-    "backlash": {"backlash[1]": 0.01},
-    "actuator_lag": {"actuator_lag[2]": 0.02},
+    "joint_elasticity": {
+        Label("joint_compliance", 1): 0.15,
+        Label("motor_inertia", 1): 1e-3,
+        Label("joint_damping", 1): 6e-3,
+    },
+    "backlash": {Label("backlash", 1): 0.01},
+    "actuator_lag": {Label("actuator_lag", 2): 0.02},
 }
 
 
@@ -127,11 +130,11 @@ HIDDEN = {
 def test_an_effect_between_command_and_link_comes_back_from_the_fmus_recording(name):
     found = closed(name)
     assert [f.name for f in found.verdict.findings] == [name]
-    finding, joint = found.verdict.findings[0], int(next(iter(HIDDEN[name]))[-2])
+    finding, joint = found.verdict.findings[0], next(iter(HIDDEN[name])).index
     assert finding.joints == (joint,)
     assert found.error.after[joint - 1] < 0.5 * found.error.before[joint - 1]
     for label, truth in HIDDEN[name].items():
-        if label != "joint_damping[1]":  # the encoder's noise at the resonance damps
+        if label.name != "joint_damping":  # the encoder's noise at the resonance damps
             low, high = finding.interval[label]
             assert low <= truth <= high, (label, truth, low, high)
             assert finding.parameters[label] == pytest.approx(truth, rel=0.15)
@@ -140,7 +143,7 @@ def test_an_effect_between_command_and_link_comes_back_from_the_fmus_recording(n
 def test_an_elastic_joint_is_named_from_runs_that_start_in_motion():
     whole, cut = (closed("joint_elasticity", runs).verdict.findings for runs in (1, 4))
     assert [f.name for f in cut] == ["joint_elasticity"]
-    label = "joint_compliance[1]"
+    label = Label("joint_compliance", 1)
     assert cut[0].parameters[label] == pytest.approx(whole[0].parameters[label], rel=0.05)
 
 

@@ -22,9 +22,6 @@ def resident() -> float:
         return int(stream.read().split()[1]) * 4096 / MEGABYTE
 
 
-needs_proc = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-
-
 def grown(runs: int, warm: int) -> float:
     """By how much memory grows over so many runs with changing parameters, after `warm` of them [MB]."""
     base = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 0.01, "experiment.record_every": 1})
@@ -38,7 +35,7 @@ def grown(runs: int, warm: int) -> float:
         return resident() - before
 
 
-@needs_proc
+@pytest.mark.needs("proc")
 def test_2000_runs_do_not_grow():
     """A leak of one table (11 rows of 87 doubles, 7.5 kB) a run would make 15 MB; the allocator's own noise is below
     1.
@@ -46,7 +43,7 @@ def test_2000_runs_do_not_grow():
     assert grown(2000, 300) < 2.0
 
 
-@needs_proc
+@pytest.mark.needs("proc")
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_100000_runs_do_not_grow():
@@ -69,7 +66,7 @@ print(len(judged.result.time), [line.split()[1] for line in open("/proc/self/sta
 """
 
 
-@needs_proc
+@pytest.mark.needs("proc")
 @pytest.mark.slow
 def test_ten_minutes_at_1_khz_stay_below_200_mb(tmp_path):
     """All 87 signals of 600,001 rows are 418 MB; the run, its twin, the verdict and the file must not hold them at

@@ -1,5 +1,6 @@
 """FMUs of others run in a process of their own: the same bits, and what was computed survives a crash."""
 
+import faulthandler
 import json
 import os
 import signal
@@ -22,6 +23,8 @@ from cosim.errors import RunError
 from cosim.fmu import open_system
 from cosim.results.files import read_h5
 from cosim.scenario import load_scenario, load_text, with_parameters
+
+pytestmark = pytest.mark.usefixtures("children_crash")
 
 CLOCK = b"""
 /* y counts the milliseconds; at `last` the model dies in one of several ways */
@@ -180,6 +183,12 @@ def test_other_uses_of_fmus_run_apart_too(clocks):
         with pytest.raises(RunError, match="FMU second: the FMU crashed while it was counted .signal SIGABRT"):
             called(lambda mark: os.abort(), scenario, system, "it was counted")
     assert called(lambda mark: os.getpid(), load_scenario("sallam-stable"), None, "") == os.getpid()
+
+
+def test_a_child_that_may_crash_has_no_fault_handler_of_pytest(clocks):
+    scenario = load_text(clocks)
+    with open_system(scenario) as system:
+        assert called(lambda mark: faulthandler.is_enabled(), scenario, system, "it was asked") is False
 
 
 def test_the_stability_command_tells_of_a_crash(clocks, tmp_path):

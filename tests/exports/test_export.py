@@ -18,6 +18,7 @@ from cosim.exports.container import write_container
 from cosim.exports.export import export
 from cosim.exports.structure import write_ssp
 from cosim.scenario import load_scenario, load_text, to_toml
+from tests.support.needs import lacking, require
 from tests.support.paths import ROOT
 
 STEP, STOP = 1e-3, 20.0
@@ -63,8 +64,8 @@ def test_same_scenario_gives_the_same_bytes(wiring, archive, tmp_path):
     assert first == second
 
 
+@pytest.mark.needs("libcosim")
 def test_libcosim_gives_our_trajectories(archive, ours, tmp_path):
-    pytest.importorskip("libcosimpy", exc_type=ImportError)
     from libcosimpy.CosimEnums import CosimVariableType
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
@@ -83,6 +84,7 @@ def test_libcosim_gives_our_trajectories(archive, ours, tmp_path):
         observer.start_time_series(slave_index=index, value_reference=reference, variable_type=CosimVariableType.REAL)
         series.append((name, index, reference))
     execution.simulate_until(int(STOP * 1e9))
+    assert len(series) == len(WATCHED) == 6
     for name, index, reference in series:
         times, _, values = observer.time_series_real_samples(
             slave_index=index, value_reference=reference, from_step=0, sample_count=20000
@@ -92,11 +94,10 @@ def test_libcosim_gives_our_trajectories(archive, ours, tmp_path):
         np.testing.assert_allclose(np.array(values[:]), ours.signals[name][rows], rtol=0, atol=TIME_OF_OTHERS)
 
 
+@pytest.mark.needs("ecos")
 def test_ecos_gives_our_trajectories(archive, ours):
-    try:
-        from ecospy import EcosSimulation
-    except (ImportError, OSError) as error:
-        pytest.skip(f"Ecos does not load here (Debian: apt install libtbb12): {error}")
+    from ecospy import EcosSimulation
+
     with EcosSimulation(ssp_path=str(archive), step_size=STEP) as simulation:
         simulation.init()
         rows = []
@@ -252,9 +253,8 @@ VDMCHECK = "1.1.3"
 
 @pytest.fixture(scope="module")
 def vdmcheck(tmp_path_factory):
-    """VDMCheck2 from Maven Central, laid out as its own distribution is; skips without Java and Maven."""
-    if not (shutil.which("java") and shutil.which("mvn")):
-        pytest.skip("VDMCheck2 needs Java and Maven")
+    """VDMCheck2 from Maven Central, laid out as its own distribution is."""
+    require("vdmcheck")
     folder = tmp_path_factory.mktemp("vdmcheck")
     repository = folder / "repository"
     got = subprocess.run(
@@ -271,7 +271,7 @@ def vdmcheck(tmp_path_factory):
         check=False,
     )
     if got.returncode:
-        pytest.skip(f"VDMCheck2 cannot be had: {got.stdout[-200:]}")
+        lacking("vdmcheck", got.stdout[-200:])
     for name in ("vdmj", "annotations", "xsd2vdm", "fmuReader", "vdmcheck2"):
         jar = next(p for p in repository.rglob(f"{name}-*.jar") if "maven" not in p.parts[-4:])
         shutil.copy(jar, folder / f"{name}.jar")
@@ -309,6 +309,7 @@ def test_a_strict_validator_finds_nothing(vdmcheck, wiring, tmp_path):
 def test_a_strict_validator_finds_nothing_in_any_model(vdmcheck):
     from build_fmus import fmu_path, models
 
+    assert "PhantomArm" in models()
     for model in models():
         assert "No errors found" in vdmcheck(fmu_path(model, 2)), model
 
@@ -316,6 +317,7 @@ def test_a_strict_validator_finds_nothing_in_any_model(vdmcheck):
 def test_start_values_lie_within_their_range():
     from build_fmus import fmu_path, models
 
+    assert "PhantomArm" in models()
     for model in models():
         for fmi in (2, 3):
             for v in fmpy.read_model_description(str(fmu_path(model, fmi))).modelVariables:

@@ -84,7 +84,6 @@ def symbolic_torque():
 @pytest.fixture(scope="module")
 def engine():
     """Function (pi, q, dq) -> M, C dq + N from MuJoCo, any pi, as a combination of eight arms."""
-    pytest.importorskip("mujoco")
     from cosim.arm.segments import segment_pi
     from tests.arm.test_mujoco import basis
     from tests.support.engine_arm import Engine, parallelogram
@@ -106,6 +105,7 @@ def states(params, seed):
     """Random states of the whole box where M of this set is positive definite, with torques and tip forces."""
     q = BOX.sample(6 * COUNT, seed)
     q = q[np.linalg.eigvalsh(dynamics.mass_matrix(params.pi, q))[:, 0] > 1e-6][:COUNT]
+    assert len(q) == COUNT
     rng = np.random.default_rng(seed)
     return q, rng.uniform(-5, 5, q.shape), rng.uniform(-0.3, 0.3, q.shape), rng.uniform(-3, 3, q.shape)
 

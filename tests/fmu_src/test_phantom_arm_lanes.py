@@ -74,12 +74,15 @@ def evaluate(source: str, values: np.ndarray, flags: tuple[str, ...] = ()) -> np
 
 
 @pytest.mark.parametrize(
-    ("lanes", "flags"), [(2, ()), (4, ()), (4, ("-mavx2", "-mfma", "-O3")), (8, ("-mavx512f", "-mavx512dq", "-O3"))]
+    ("lanes", "flags"),
+    [
+        (2, ()),
+        (4, ()),
+        pytest.param(4, ("-mavx2", "-mfma", "-O3"), marks=pytest.mark.needs("avx2")),
+        pytest.param(8, ("-mavx512f", "-mavx512dq", "-O3"), marks=pytest.mark.needs("avx512")),
+    ],
 )
 def test_lanes_have_the_bits_of_the_scalar(lanes, flags):
-    processor = open("/proc/cpuinfo").read()
-    if any(flag[2:] not in processor for flag in flags if flag.startswith("-m")):
-        pytest.skip(f"processor without {' '.join(flags)}")
     random = np.random.default_rng(1)
     pi = oracle.PI * random.uniform(0.3, 1.7, (400, 8))
     rows = np.hstack(

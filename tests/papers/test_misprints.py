@@ -127,7 +127,9 @@ def test_sallam_transformation_is_right():
     last = sp.Matrix([[0, -1, 0, 0], [0, 0, 1, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
     whole = first * link(0, half, d.q1) * link(d.l1, 0, d.q2) * link(d.l2, 0, -d.q2 - half + d.q3) * last
     frames = sp.lambdify([d.Q], whole.subs({d.l1: L1, d.l2: L2}))
-    for q in LINKED.sample(20, 7):
+    poses = LINKED.sample(20, 7)
+    assert len(poses) == 20
+    for q in poses:
         np.testing.assert_allclose(frames(q)[:3, 3], kinematics.forward(q), atol=1e-15)
         np.testing.assert_allclose(frames(q)[:3, :3], kinematics.orientation(q), atol=1e-15)
 

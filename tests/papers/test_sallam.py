@@ -121,6 +121,7 @@ def varying():
 
 
 def test_the_oracle_of_a_varying_delay_has_converged(varying):
+    assert len(varying) == 2
     for fine, coarse in varying.values():
         # measured 9e-13 m and, where the delay jumps, 1.5e-11 m
         assert np.abs(fine - coarse).max() < 5e-11
@@ -237,6 +238,7 @@ def test_zero_delay_equals_no_channel(base, system):
     with open_system(bare) as opened:
         without = run(with_parameters(bare, values), opened)
     with_channel = run(with_parameters(base, values | {"channel_*.delay_mean": 0.0}), system)
+    assert {"arm_l.x[1]", "arm_r.x[1]", "controller_l.f[1]"} <= set(without.signals)
     assert all(np.array_equal(without.signals[n], with_channel.signals[n]) for n in without.signals)
 
 

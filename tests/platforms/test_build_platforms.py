@@ -1,10 +1,8 @@
-"""The same bits on other platforms: the binaries inside one FMU, run natively, under wine and under qemu-user.
+"""The same bits on other platforms: the binaries inside one FMU, run natively, under Wine and under QEMU.
 
-A command of its own: pytest -m slow tests/platforms/test_build_platforms.py. Debian: wine, qemu-user,
-libc6-arm64-cross.
+A command of its own: pytest -m platforms. Debian: apt install wine64 qemu-user libc6-arm64-cross.
 """
 
-import shutil
 import subprocess
 import zipfile
 from importlib.util import find_spec
@@ -15,11 +13,11 @@ from fmpy import read_model_description
 
 from build_fmus import fmu_path
 from build_fmus.compiler import PLATFORMS, find_compiler, this_platform
+from tests.support.needs import ARM_LIBRARIES, wine
 from tests.support.paths import SUPPORT
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.platforms]
 HEADERS = Path(find_spec("fmpy").origin).parent / "c-code"
-ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 
 # a life with friction, hysteresis, encoders, an elastic joint, random delays: everything that computes
 STARTS = {
@@ -33,6 +31,7 @@ STARTS = {
         "gravity_compensation": 1,
         "encoder_resolution": 1e-4,
     },
+    "SerialArm": {"coulomb": 0.01, "stribeck": 0.01, "ripple_sin": 0.002, "q_start": [0.1, 0.3, 0.4, *[0.0] * 9]},
     "VariableDelayChannel": {"law": "random_walk", "delay_min": 0.0, "delay_max": 0.05},
     "AxisDrive": {"coulomb": 0.01, "stribeck": 0.01, "hysteresis": 0.005},
     "Operator": {"amplitude": 0.3, "frequency": 3.0, "hand_mass": 1.0, "grip_stiffness": 100.0, "hand_stiffness": 10.0},
@@ -94,17 +93,15 @@ def play(model: str, platform: str, folder: Path, runner: list[str]) -> dict[str
     return {name: found[str(reference)] for name, reference in reals.items()}
 
 
+@pytest.mark.needs("qemu")
 @pytest.mark.parametrize("model", STARTS)
 def test_arm_linux(model, tmp_path):
-    if not shutil.which("qemu-aarch64") or not ARM_LIBRARIES.is_dir():
-        pytest.skip("qemu-user or libc6-arm64-cross is not here")
     here = play(model, this_platform(), tmp_path, [])
     assert play(model, "aarch64-linux", tmp_path, ["qemu-aarch64", "-L", str(ARM_LIBRARIES)]) == here
 
 
+@pytest.mark.needs("wine")
 @pytest.mark.parametrize("model", STARTS)
 def test_windows(model, tmp_path):
-    if not shutil.which("wine"):
-        pytest.skip("wine is not here")
     here = play(model, this_platform(), tmp_path, [])
-    assert play(model, "x86_64-windows", tmp_path, ["wine"]) == here
+    assert play(model, "x86_64-windows", tmp_path, [wine()]) == here

@@ -4,7 +4,6 @@ Own command: pytest -m platforms. Debian: apt install wine64 qemu-user libc6-arm
 """
 
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -15,18 +14,13 @@ import pytest
 
 from build_fmus import fmu_path
 from build_fmus.compiler import PLATFORMS
+from tests.support.needs import ARM_LIBRARIES, wine
 from tests.support.paths import SUPPORT
 
 pytestmark = [pytest.mark.slow, pytest.mark.platforms]
 
 RUNNER = SUPPORT / "platform_runner.c"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
-SYSROOT = Path("/usr/aarch64-linux-gnu")
-WINE = (
-    shutil.which("wine64")
-    or shutil.which("wine")
-    or next((p for p in ("/usr/lib/wine/wine64",) if Path(p).is_file()), None)
-)
 
 
 def zig(target: str, *arguments: str) -> None:
@@ -57,9 +51,11 @@ def outputs(tmp_path: Path, name: str, model: str, start: dict[str, float], want
     description = fmpy.read_model_description(fmu)
     reference = {v.name: v.valueReference for v in description.modelVariables}
     words = [*(f"{reference[k]}:{v}" for k, v in start.items()), "/", *(str(reference[w]) for w in wanted)]
-    command = {"x86_64-linux": [], "x86_64-windows": [WINE], "aarch64-linux": ["qemu-aarch64", "-L", str(SYSROOT)]}[
-        name
-    ]
+    command = {
+        "x86_64-linux": [],
+        "x86_64-windows": [wine()],
+        "aarch64-linux": ["qemu-aarch64", "-L", str(ARM_LIBRARIES)],
+    }[name]
     environment = os.environ | {"WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
     done = subprocess.run(
         [*command, str(runner), str(library), description.guid, *words],
@@ -94,12 +90,14 @@ MODELS = [
 
 
 @pytest.mark.parametrize(("model", "start", "wanted"), MODELS, ids=[m[0] for m in MODELS])
-@pytest.mark.parametrize("name", ["x86_64-windows", "aarch64-linux"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("x86_64-windows", marks=pytest.mark.needs("wine")),
+        pytest.param("aarch64-linux", marks=pytest.mark.needs("qemu")),
+    ],
+)
 def test_platforms_give_the_same_bits(tmp_path, name, model, start, wanted):
-    if "windows" in name and WINE is None:
-        pytest.skip("Wine is not installed")
-    if "aarch64" in name and not (shutil.which("qemu-aarch64") and SYSROOT.is_dir()):
-        pytest.skip("qemu-user or libc6-arm64-cross is not installed")
     here = outputs(tmp_path, "x86_64-linux", model, start, wanted)
     assert len(set(here.split())) > 15  # something moves
     assert outputs(tmp_path, name, model, start, wanted) == here

@@ -166,8 +166,14 @@ def test_unknown_rates_neither_stop_nor_mislead_the_tracer():
     def rate(u, v):
         return np.nan if u > 0.8 else v - 0.5
 
-    (boundary, _), _ = drive(audited(Precision(0.01, 5, 0), AuditPlan(0)), rate)
+    (boundary, audit), _ = drive(audited(Precision(0.01, 5, 0), AuditPlan(0)), rate)
+    assert (audit.points, audit.bound) == (0, 1.0)  # nothing is claimed without an audit
     assert boundary.curves and np.vstack(boundary.curves)[:, 0].max() <= 0.85
+
+
+def test_no_rounds_are_no_audit():
+    (_, audit), _ = drive(audited(Precision(0.05, 2, 0), AuditPlan(rounds=0)), lambda u, v: v - 0.5)
+    assert (audit.points, audit.rounds, audit.bound) == (0, 0, 1.0)
 
 
 def test_an_island_between_grid_points_is_found_by_the_audit():

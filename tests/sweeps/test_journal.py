@@ -121,6 +121,7 @@ def test_a_line_cut_off_anywhere_is_forgotten_and_nothing_else(tmp_path):
         book.add(points, findings)
     whole = (tmp_path / "journal.jsonl").read_bytes()
     last = whole.rstrip(b"\n").rfind(b"\n") + 1
+    assert whole.count(b"\n") == 4 + 1 and len(whole) - last > 20  # the sweep's own line, and one for each point
     for cut in range(last, len(whole)):
         (tmp_path / "journal.jsonl").write_bytes(whole[:cut])
         with journal(tmp_path) as book:

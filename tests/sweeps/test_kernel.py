@@ -4,7 +4,6 @@ lanes.
 
 import ctypes
 import os
-import shutil
 import subprocess
 import sys
 
@@ -193,7 +192,7 @@ SANITIZED = [
 ]
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc with its sanitizers is not here")
+@pytest.mark.needs("gcc")
 @pytest.mark.parametrize("name", ["executor", "kernel"])
 def test_clean_under_sanitizers(name, tmp_path):
     """A run in a process of its own whose executor, or kernel, is compiled with address and undefined-behaviour

@@ -207,7 +207,8 @@ def test_rates_for_tracing_follow_the_outcome_where_there_is_no_rate():
 
 
 def test_dask_gives_the_same_table(tmp_path):
-    distributed = pytest.importorskip("distributed")
+    import distributed
+
     from cosim.sweeps.cluster import DaskPool
 
     described = sweep(design=Random(30, seed=3))
@@ -222,7 +223,6 @@ def test_dask_gives_the_same_table(tmp_path):
 
 
 def test_no_scheduler_at_the_address_is_bad_input():
-    pytest.importorskip("distributed")
     from cosim.sweeps.cluster import DaskPool
 
     with pytest.raises(InputError, match="Dask scheduler"):

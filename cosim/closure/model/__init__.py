@@ -1,1 +1,1 @@
-"""The model with chosen effects: its columns, its fit, candidates with and without a name."""
+"""The model that is fitted to a recording: its motion and rows, friction laws, columns of effects, candidates."""

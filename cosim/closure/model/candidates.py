@@ -5,31 +5,31 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.model.model import ChosenEffect, Model, delivered_target
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.formed import Grid
+from cosim.closure.model.model import Model, delivered_target
 from cosim.effects import Effect, EffectEstimate
+from cosim.effects.motion import Columns, Joints, Theta
 
-CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
-COLLINEAR = (
-    2e-3  # share of a column that the model does not explain already, below which it cannot be told from the model
-)
-REFINED = 0.1  # gain from which on nonlinear parameters are refined before the evidence is weighed
-FIRST_STEP, BETWEEN, MOVES = (
-    0.1,
-    0.5,
-    9,
-)  # of that refinement: first and largest change, trials for each parameter and one
+Option = tuple[float, Theta, np.ndarray]
+"""Gain, theta and coefficients of one regression."""
+
+CHUNK = 24  # values of nonlinear parameters whose columns are formed at once, to limit memory
+COLLINEAR = 2e-3  # a column of which the model leaves a smaller share unexplained counts as part of it
+REFINED = 0.1  # gain above which nonlinear parameters are refined before the evidence is weighed
+FIRST_STEP, BETWEEN = 0.1, 0.5  # first and largest change of that refinement
+MOVES = 9  # trials of that refinement, times one more than the number of parameters
 CLEARLY = 0.03  # share of the error left that an unphysical trial has to remove beyond the best physical one
 KNOWN = 0.1  # share of a coefficient that it may be off by where a screening asks whether it is physical
-THRIFT = 1.03  # an option with one column more has to leave this much less
+PARSIMONY = 1.03  # factor by which an option with one more column has to leave a smaller error
 
 
 @frozen(eq=False)
 class Candidate:
     """One effect on one set of joints at its best theta, screened on the fitted rows.
 
-    gain: share of the squared error of its joints that it takes away in sample; beta (k,); tried: number of regressions
-    that were
-    searched; reason: why it cannot be it (not testable, not physical), empty where it can.
+    gain: share of the squared error of its joints that it removes in sample; beta (k,); tried: number of regressions
+    that were searched; reason: why it cannot be the effect (not testable, not physical), empty where it can.
     """
 
     choice: ChosenEffect
@@ -54,12 +54,12 @@ def screen(model: Model, effects: Sequence[Effect], near: Collection[int] | None
     return sorted(found, key=lambda c: (c.untestable, -c.gain))
 
 
-def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...]) -> Candidate:
+def screened(model: Model, normal: "Normal", effect: Effect, joints: Joints) -> Candidate:
     """One effect on one set of joints, at the best of its grid."""
     nothing = Candidate(ChosenEffect(effect, joints), 0.0, np.zeros(0), 0)
     if reason := effect.untestable(model.scene, joints):
         return Candidate(nothing.choice, 0.0, nothing.beta, 0, reason, True)
-    options = []
+    options: list[Option] = []
     for theta, columns in _all_columns(model, effect, joints):
         result = normal.gain_of(ChosenEffect(effect, joints, theta), columns)
         if result is not None:
@@ -69,13 +69,13 @@ def screened(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, 
     return _best(model, normal, effect, joints, options)
 
 
-def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...], options: list) -> Candidate:
+def _best(model: Model, normal: "Normal", effect: Effect, joints: Joints, options: list[Option]) -> Candidate:
     """The physical option with the largest gain, refined; the best unphysical one where that explains more than twice
     as much.
     """
     base, tried, first = normal.error(joints), len(options), None
     options.sort(
-        key=lambda option: (base - option[0]) * THRIFT ** len(option[2]) * effect.handicap(model.scene, option[1])
+        key=lambda option: (base - option[0]) * PARSIMONY ** len(option[2]) * effect.handicap(model.scene, option[1])
     )
     for gain, theta, beta in options:
         reason = _why_not(model, ChosenEffect(effect, joints, theta), beta, KNOWN)
@@ -84,11 +84,12 @@ def _best(model: Model, normal: "Normal", effect: Effect, joints: tuple[int, ...
         if not reason:
             found = _refined(model, normal, candidate, base) if candidate.gain > REFINED else candidate
             return found if found.gain > 0.5 * first.gain else first
+    assert first is not None, "there is at least one option"
     return first
 
 
 def _why_not(model: Model, choice: ChosenEffect, beta: np.ndarray, known: float) -> str:
-    """Why coefficients of a screening cannot be the effect, each taken to be known to a share; empty where they can."""
+    """Why coefficients of a screening cannot be the effect; `known`: assumed standard deviation, as a share of each."""
     return choice.effect.unphysical(
         EffectEstimate(beta, np.abs(beta) * known, choice.theta, choice.joints, model.scene)
     )
@@ -96,8 +97,8 @@ def _why_not(model: Model, choice: ChosenEffect, beta: np.ndarray, known: float)
 
 def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) -> Candidate:
     """A promising candidate with its continuous nonlinear parameters moved to the largest gain that is physical
-    (Nelder, Mead 1965); every
-    trial is counted. Where an unphysical one does clearly better, that is what the data say, and it is returned.
+    (Nelder, Mead 1965); every trial is counted. An unphysical one that does clearly better is what the data say, and is
+    returned.
     """
     from scipy.optimize import minimize
 
@@ -105,7 +106,8 @@ def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) 
     free = choice.effect.continuous(choice.theta)
     if not free:
         return candidate
-    found, refused = {choice.theta: (candidate.gain * base, candidate.beta)}, {}
+    found: dict[Theta, tuple[float, np.ndarray]] = {choice.theta: (candidate.gain * base, candidate.beta)}
+    refused: dict[Theta, tuple[float, np.ndarray]] = {}
 
     def loss(x: np.ndarray) -> float:
         trial = evolve(choice, theta=shifted(choice, free, np.clip(x, -BETWEEN, BETWEEN)))
@@ -133,7 +135,7 @@ def _refined(model: Model, normal: "Normal", candidate: Candidate, base: float) 
     )
 
 
-def shifted(choice: ChosenEffect, free: tuple[int, ...], steps: np.ndarray) -> tuple[float, ...]:
+def shifted(choice: ChosenEffect, free: tuple[int, ...], steps: np.ndarray) -> Theta:
     """theta of the choice with its free parameters moved by steps, factors of 1 + step for positive ones."""
     theta = choice.theta
     for index, step in zip(free, steps, strict=False):
@@ -141,26 +143,23 @@ def shifted(choice: ChosenEffect, free: tuple[int, ...], steps: np.ndarray) -> t
     return theta
 
 
-def _all_columns(model: Model, effect: Effect, joints: tuple[int, ...]):
-    """(theta, filtered columns on the fitted rows) of the whole grid; static ones are kept for the next step."""
-    key = ("grid", effect.key, joints, tuple(model.laws))
-    if key in model._cache:
-        return model._cache[key]
-    out = []
-    thetas = effect.grid(model.scene, joints)
+def _all_columns(model: Model, effect: Effect, joints: Joints) -> Grid:
+    """The whole grid with filtered columns on the fitted rows; columns that are not dynamic are formed once."""
     if effect.late:
-        return [(theta, {}) for theta in thetas]
-    for start in range(0, len(thetas), CHUNK):
-        out += _chunk(model, effect, joints, thetas[start : start + CHUNK])
-    if not effect.dynamic:
-        model._cache[key] = out
-    return out
+        return [(theta, {}) for theta in effect.grid(model.scene, joints)]
+
+    def form() -> Grid:
+        thetas = effect.grid(model.scene, joints)
+        chunks = [thetas[start : start + CHUNK] for start in range(0, len(thetas), CHUNK)]
+        return [pair for chunk in chunks for pair in _chunk(model, effect, joints, chunk)]
+
+    return form() if effect.dynamic else model.formed.grid(effect, joints, model.laws, form)
 
 
-def _chunk(model: Model, effect: Effect, joints: tuple[int, ...], thetas):
+def _chunk(model: Model, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> Grid:
     full = effect.columns_of_all(model.searched, joints, thetas)
     touched = {j for columns in full for j in columns}
-    result: list[dict] = [{} for _ in thetas]
+    result: list[dict[int, np.ndarray]] = [{} for _ in thetas]
     for j in touched:
         parts = [columns[j] for columns in full]
         stacked = model.setting.rows.fitted(np.concatenate(parts, axis=1), effect.sharp)
@@ -180,7 +179,7 @@ class Normal:
         self.residual = [
             model.residual[j, self.train] * model.scale[j, self.train, 0] for j in range(model.setting.joints)
         ]
-        g = sum(x.T @ x for x in self.x)
+        g = sum((x.T @ x for x in self.x), np.zeros((self.x[0].shape[1],) * 2))
         size = np.diag(g)
         empty = size <= 1e-24 * size.max()  # columns without rows: joints that do not move
         scale = np.where(empty, 0.0, 1 / np.sqrt(np.where(empty, 1.0, size)))
@@ -192,12 +191,9 @@ class Normal:
         """Squared error of the joints' fitted rows."""
         return max(sum(float(self.residual[j] @ self.residual[j]) for j in joints), 1e-300)
 
-    def gain_of(
-        self, choice: ChosenEffect, columns: dict[int, np.ndarray] | None = None
-    ) -> tuple[float, np.ndarray] | None:
+    def gain_of(self, choice: ChosenEffect, columns: Columns | None = None) -> tuple[float, np.ndarray] | None:
         """Decrease of the squared error by a choice and its coefficients: by the torque that it delivers, or by its
-        filtered columns
-        on the fitted rows, which are formed here unless given.
+        filtered columns on the fitted rows, which are formed here unless given.
         """
         if choice.effect.late:
             return self.gain_of_late(choice)
@@ -208,9 +204,7 @@ class Normal:
         return self.gain(columns, effect)
 
     def gain_of_late(self, choice: ChosenEffect) -> tuple[float, np.ndarray]:
-        """As `gain`, for an effect that acts on the recorded torque; the error is held against the torque that is
-        left.
-        """
+        """As `gain`, for an effect that acts on the recorded torque; the error is relative to what is left of that."""
         model, cross, left = self.model, 0.0, 0.0
         target = delivered_target(model, choice)
         for j in range(model.setting.joints):
@@ -222,13 +216,14 @@ class Normal:
         before = self.error(range(model.setting.joints))
         return float(before - (left - cross @ self.inverse @ cross)), np.zeros(1)
 
-    def gain(self, columns: dict[int, np.ndarray], effect: Effect) -> tuple[float, np.ndarray] | None:
+    def gain(self, columns: Columns, effect: Effect) -> tuple[float, np.ndarray] | None:
         """Decrease of the squared error by an effect's columns (on the fitted rows) and their coefficients; None where
         they lie within the model.
         """
         if not columns:
             return None
-        cross, own, toward = 0.0, 0.0, 0.0
+        k = next(iter(columns.values())).shape[1]
+        cross, own, toward = np.zeros((len(self.inverse), k)), np.zeros((k, k)), np.zeros(k)
         for j, values in columns.items():
             c = values * self.model.scale[j, self.train]
             cross, own, toward = cross + self.x[j].T @ c, own + c.T @ c, toward + c.T @ self.residual[j]

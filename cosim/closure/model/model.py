@@ -3,47 +3,37 @@
 from functools import cached_property
 
 import numpy as np
-from attrs import define, evolve, field, frozen
+from attrs import define, evolve, field
 
-from cosim.closure.data.friction import FORMS, FrictionLaw, laws
-from cosim.closure.data.setting import Setting
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.formed import FormedColumns
+from cosim.closure.model.friction import FORMS, FrictionLaw, laws
 from cosim.closure.model.gram import Gram, GramFit, accumulate, fit
+from cosim.closure.model.setting import Setting
 from cosim.effects import Effect, EffectEstimate, Scene
-from cosim.effects.effect import Theta
+from cosim.effects.motion import Columns, Joints, Slopes
+from cosim.measured import Label
 
-FELT = 0.01  # of the squared torque of an effect: joints that have less of it do not count
-
-
-@frozen
-class ChosenEffect:
-    """An effect on a set of joints (0-based) at values of its nonlinear parameters."""
-
-    effect: Effect
-    joints: tuple[int, ...]
-    theta: Theta = ()
-
-    @property
-    def key(self) -> tuple[str, tuple[int, ...]]:
-        return self.effect.key, self.joints
+FELT = 0.01  # of the squared torque of an effect: joints with a smaller share do not count
 
 
 @define(eq=False)
 class Model:
     """Complete model and chosen effects on a setting: weighted design (J, m, p), its normal equations and the fit.
 
-    laws: one friction law a joint; skew [s]: how late the recorded torque acts because of sampling; weight (J,) one
-    over the noise
-    scale [1/(N.m)]; columns: those of each choice, joint -> (m, k).
+    laws: one friction law a joint; skew [s]: how late the recorded torque acts because of sampling; weight (J,): one
+    over the noise scale [1/(N.m)]; columns: those of each choice, joint -> (m, k); seen: the scene that they were
+    formed from; formed: columns that all models of the setting share.
     """
 
     setting: Setting
     laws: tuple[FrictionLaw, ...]
     skew: float
     weight: np.ndarray
+    formed: FormedColumns = field(repr=False)
     choices: tuple[ChosenEffect, ...] = ()
-    columns: tuple[dict[int, np.ndarray], ...] = ()
+    columns: tuple[Columns, ...] = ()
     seen: Scene | None = None
-    _cache: dict = field(factory=dict, repr=False)
 
     @cached_property
     def base(self) -> np.ndarray:
@@ -51,7 +41,7 @@ class Model:
         joint.
         """
         s = self.setting
-        count = len(s.names)
+        count = len(s.labels)
         out = np.zeros((s.joints, s.y.shape[1], count + 2 * s.joints))
         out[:, :, :count] = s.linear
         for j in range(s.joints):
@@ -60,16 +50,12 @@ class Model:
         return out
 
     def sign(self, joint: int) -> np.ndarray:
-        key = (joint, self.laws[joint])
-        if key not in self._cache:
-            self._cache[key] = self.setting.sign(*key)
-        return self._cache[key]
+        """The smooth sign (m,) of a joint by its friction law."""
+        return self.formed.sign(joint, self.laws[joint])
 
     @cached_property
     def target(self) -> np.ndarray:
-        """(J, m) what the columns have to make: the torque as chosen lags and delays deliver it, with the sampling skew
-        taken out.
-        """
+        """The torque (J, m) that the columns explain: behind the chosen lags and delays, without the sampling skew."""
         return _target(self, self.choices)
 
     @cached_property
@@ -90,6 +76,7 @@ class Model:
 
     @cached_property
     def gram(self) -> Gram:
+        """Normal equations of every block."""
         rows = self.setting.rows
         run = np.zeros(rows.blocks, int)
         run[rows.block] = self.setting.motion.run[rows.index]
@@ -98,7 +85,7 @@ class Model:
 
     @cached_property
     def precision(self) -> np.ndarray:
-        """What is known of the coefficients (p,) before the data: Effect.precision of the chosen effects."""
+        """Prior precision of the coefficients (p,): Effect.precision of the chosen effects."""
         known = [
             c.effect.precision(next(iter(columns.values())).shape[1])
             for c, columns in zip(self.choices, self.columns, strict=True)
@@ -109,10 +96,12 @@ class Model:
     def normal(self) -> tuple[np.ndarray, np.ndarray, float]:
         """X^T X (p, p), X^T y (p,) and y^T y of the fitted rows."""
         t = self.setting.rows.train_blocks
-        return tuple(x[:t].sum(axis=(0, 1)) for x in (self.gram.g, self.gram.h, self.gram.s))
+        g, h, s = (x[:t].sum(axis=(0, 1)) for x in (self.gram.g, self.gram.h, self.gram.s))
+        return g, h, s
 
     @cached_property
     def fit(self) -> GramFit:
+        """Coefficients with their spread, and errors of every block."""
         return fit(self.gram)
 
     @cached_property
@@ -122,13 +111,19 @@ class Model:
         return self.target - np.concatenate(blocks, axis=2) @ self.fit.beta
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the coefficients of the complete model."""
+    def labels(self) -> tuple[Label, ...]:
+        """Labels of the coefficients of the complete model."""
         n = range(1, self.setting.joints + 1)
-        return (*self.setting.names, *(f"viscous[{k}]" for k in n), *(f"coulomb[{k}]" for k in n))
+        return (*self.setting.labels, *(Label("viscous", k) for k in n), *(Label("coulomb", k) for k in n))
+
+    @property
+    def friction_levels(self) -> tuple[np.ndarray, np.ndarray]:
+        """Viscous and Coulomb coefficients (J,) as fitted."""
+        p, nj = len(self.setting.labels), self.setting.joints
+        return self.fit.beta[p : p + nj], self.fit.beta[p + nj : p + 2 * nj]
 
     def coefficients(self, number: int) -> slice:
-        """Where the coefficients of choice `number` are."""
+        """The range of the coefficients of choice `number`."""
         sizes = [next(iter(c.values())).shape[1] for c in self.columns]
         start = self.base.shape[2] + sum(sizes[:number])
         return slice(start, start + sizes[number])
@@ -137,10 +132,10 @@ class Model:
         """Coefficients (k,) of choice `number` as fitted."""
         return self.fit.beta[self.coefficients(number)]
 
-    def acting(self, number: int) -> tuple[int, ...]:
-        """Joints (0-based) on which choice `number` acts: those with more than a share `FELT` of its squared torque. A
-        wall that only one
-        joint feels is a function of that joint's motion like others.
+    def acting(self, number: int) -> Joints:
+        """Joints (0-based) on which choice `number` acts: those with more than a share `FELT` of its squared torque.
+
+        A wall that pushes on one joint alone is a function of that joint's motion, like other effects of one joint.
         """
         squares = {j: float(((x @ self.beta(number)) ** 2).sum()) for j, x in self.columns[number].items()}
         return tuple(sorted(j for j, square in squares.items() if square >= FELT * sum(squares.values())))
@@ -158,16 +153,12 @@ class Model:
 
     @cached_property
     def scene(self) -> Scene:
-        """What effects may look at, at the full rate, with the coefficients as fitted."""
-        s, m, beta = self.setting, self.setting.motion, self.fit.beta
-        p, nj = len(s.names), s.joints
-        viscous, coulomb = beta[p : p + nj], beta[p + nj : p + 2 * nj]
+        """The motion and the model as fitted, at the full rate, for effects to look at."""
+        s, m = self.setting, self.setting.motion
+        viscous, coulomb = self.friction_levels
         sign = np.stack([law(m.dq[:, j]) for j, law in enumerate(self.laws)], axis=1)
-        rigid = s.full @ beta[:p] + s.known
+        rigid = s.body.columns @ self.fit.beta[: len(s.labels)] + s.body.known
         friction = viscous * m.dq + coulomb * sign
-        pi = None
-        if s.device == "phantom":
-            pi = s.declared_pi if s.declared_pi is not None else beta[:8]
         scene = Scene(
             motion=m,
             device=s.device,
@@ -177,10 +168,11 @@ class Model:
             prediction=rigid + friction,
             viscous=viscous,
             coulomb=coulomb,
-            rigid_slopes=None if s.equations is None else self._slopes,
-            pi=pi,
-            declared=s.declared_pi is not None,
-            gravity=s.gravity,
+            rigid_slopes=None if s.body.equations is None else self._rigid_slopes,
+            arm=s.arm,
+            pi=None if s.arm is None else s.body.parameters(self.fit.beta),
+            declared=s.body.declared is not None,
+            gravity=s.device.gravity,
             skew=self.skew,
             units=s.units,
         )
@@ -193,21 +185,24 @@ class Model:
 
     @cached_property
     def searched(self) -> Scene:
-        """The scene as `Motion.searched` has it: where a search forms columns."""
+        """The scene on the rows of `SmoothedMotion.searched`, where a search forms columns."""
         whole, (rows, motion) = self.scene, self.setting.motion.searched
         cut = {name: getattr(whole, name)[rows] for name in ("sign", "rigid", "friction", "prediction")}
-        slopes = (
-            None
-            if whole.rigid_slopes is None
-            else lambda joint: tuple({j: x[rows] for j, x in by.items()} for by in whole.rigid_slopes(joint))
-        )
-        return evolve(whole, motion=motion, rigid_slopes=slopes, **cut)
 
-    def _slopes(self, joint: int) -> tuple[dict[int, np.ndarray], ...]:
-        """Derivatives of the rigid torque by q_j, dq_j, ddq_j with the parameters as fitted, each joint -> (n,)."""
-        s = self.setting
-        params = self.fit.beta[: len(s.names)] if s.declared_pi is None else s.declared_pi
-        return tuple({j: change @ params[used] for j, (used, change) in by.items()} for by in s.slopes(joint))
+        def slopes(joint: int) -> Slopes:
+            q, dq, ddq = ({j: x[rows] for j, x in by.items()} for by in self._rigid_slopes(joint))
+            return q, dq, ddq
+
+        known = None if whole.rigid_slopes is None else slopes
+        return evolve(whole, motion=motion, arm=self.setting.searched_arm, rigid_slopes=known, **cut)
+
+    def _rigid_slopes(self, joint: int) -> Slopes:
+        """Derivatives of the rigid torque by q, dq, ddq of a joint as fitted, each joint -> (n,)."""
+        params = self.setting.body.parameters(self.fit.beta)
+        q, dq, ddq = (
+            {j: change @ params[used] for j, (used, change) in by.items()} for by in self.setting.slopes(joint)
+        )
+        return q, dq, ddq
 
     def unseen(self, joint: int) -> np.ndarray:
         """Squared error (T,) of a joint's fitted blocks, each left out in turn [N^2 m^2]."""
@@ -229,22 +224,11 @@ def _target(model: Model, choices: tuple[ChosenEffect, ...]) -> np.ndarray:
     for j in range(model.setting.joints):
         passed = tuple(c for c in choices if c.effect.late and j in c.joints)
         if passed:
-            y[j], slope[j] = _delivered(model, j, passed)
+            y[j], slope[j] = model.formed.delivered(j, passed)
     return y - model.skew * slope
 
 
-def _delivered(model: Model, joint: int, choices: tuple[ChosenEffect, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Target and slope (m,) of a joint's recorded torque after these lags and delays."""
-    key = ("delivered", joint, *((c.effect.key, c.theta) for c in choices))
-    if key not in model._cache:
-        tau = model.setting.motion.tau[:, [joint]]
-        for c in choices:
-            tau = c.effect.delivered(model.setting.motion, tau, c.theta)
-        model._cache[key] = model.setting.target(joint, tau)
-    return model._cache[key]
-
-
-def spread(columns: dict[int, np.ndarray], setting: Setting) -> np.ndarray:
+def spread(columns: Columns, setting: Setting) -> np.ndarray:
     """Columns of some joints as a design (J, m, k), zero elsewhere."""
     k = next(iter(columns.values())).shape[1]
     out = np.zeros((setting.joints, setting.y.shape[1], k))
@@ -253,7 +237,7 @@ def spread(columns: dict[int, np.ndarray], setting: Setting) -> np.ndarray:
     return out
 
 
-def filtered(setting: Setting, effect: Effect, full: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+def filtered(setting: Setting, effect: Effect, full: Columns) -> Columns:
     """Full-rate columns of an effect, filtered and thinned."""
     return {j: setting.rows.filtered(values, effect.sharp) for j, values in full.items()}
 
@@ -263,14 +247,12 @@ def complete(setting: Setting) -> Model:
     top = np.percentile(np.abs(setting.motion.dq), 99, axis=0)
     start = tuple(FrictionLaw("algebraic", 0.01 * float(v)) for v in top)
     scale = np.sqrt([np.mean(y[u] ** 2) if u.any() else 1.0 for y, u in zip(setting.y, setting.use, strict=True)])
-    model = Model(setting, start, 0.0, 1 / np.maximum(scale, 1e-12))
+    model = Model(setting, start, 0.0, 1 / np.maximum(scale, 1e-12), FormedColumns(setting))
     return settled(model)
 
 
 def settled(model: Model) -> Model:
-    """Friction laws and skew chosen by the fitted rows, weights from the residual; a second pass of the laws settles
-    both.
-    """
+    """The model with friction laws and skew chosen by the fitted rows, and weights from the residual."""
     model = _reweighted(model)
     model = _best_laws(model)
     return _reweighted(_best_skew(model))
@@ -280,36 +262,24 @@ def with_choices(model: Model, choices: tuple[ChosenEffect, ...], passes: int = 
     """The model with these effects; dynamic columns are formed again from each new prediction."""
     scene = model.scene
     columns = tuple(columns_of(model, c, scene) for c in choices)
-    new = Model(model.setting, model.laws, model.skew, model.weight, choices, columns, scene, model._cache)
+    new = Model(model.setting, model.laws, model.skew, model.weight, model.formed, choices, columns, scene)
     dynamic = any(c.effect.dynamic for c in choices)
     for _ in range(passes if dynamic else 0):
         scene = new.scene
         columns = tuple(
             columns_of(new, c, scene) if c.effect.dynamic else old for c, old in zip(choices, new.columns, strict=True)
         )
-        new = evolve_model(new, columns=columns, seen=scene)
+        new = evolve(new, columns=columns, seen=scene)
     return new
 
 
-def columns_of(model: Model, choice: ChosenEffect, scene: Scene) -> dict[int, np.ndarray]:
-    """Filtered columns of a choice, joint -> (m, k); those that do not hang on the model's prediction are kept."""
-    laws_used = tuple(model.laws[j] for j in range(model.setting.joints))
-    key = (choice.effect.key, choice.joints, choice.theta, laws_used)
-    if choice.effect.dynamic:
+def columns_of(model: Model, choice: ChosenEffect, scene: Scene) -> Columns:
+    """Filtered columns of a choice, joint -> (m, k). Those that do not depend on the model's prediction are kept."""
+
+    def form() -> Columns:
         return filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, choice.theta))
-    if key not in model._cache:
-        model._cache[key] = filtered(
-            model.setting, choice.effect, choice.effect.columns(scene, choice.joints, choice.theta)
-        )
-    return model._cache[key]
 
-
-def evolve_model(model: Model, **changes) -> Model:
-    """A new model with some fields changed (the fit is made anew)."""
-    fields = {
-        name: getattr(model, name) for name in ("setting", "laws", "skew", "weight", "choices", "columns", "seen")
-    }
-    return Model(**(fields | changes), cache=model._cache)
+    return form() if choice.effect.dynamic else model.formed.static(choice, model.laws, form)
 
 
 def train_error(model: Model) -> float:
@@ -320,7 +290,7 @@ def train_error(model: Model) -> float:
 def _reweighted(model: Model) -> Model:
     used = model.setting.use & ~model.setting.rows.test
     left = [np.sqrt(np.mean(r[u] ** 2)) if u.any() else 1.0 for r, u in zip(model.residual, used, strict=True)]
-    return evolve_model(model, weight=1 / np.maximum(left, 1e-12))
+    return evolve(model, weight=1 / np.maximum(left, 1e-12))
 
 
 def _best_laws(model: Model) -> Model:
@@ -330,20 +300,18 @@ def _best_laws(model: Model) -> Model:
         error = {model.laws[j]: _law_error(model, j, model.laws[j])}
         error |= {law: _law_error(model, j, law) for law in laws(float(top[j])) if law not in error}
         for factor in (1.35, 1.16, 1.08, 1.04):
-            close = [min((w for w in error if w.form == form and w.width > 0), key=error.get) for form in FORMS]
+            close = [min((w for w in error if w.form == form and w.width > 0), key=error.__getitem__) for form in FORMS]
             for law in (evolve(law, width=law.width * f) for law in close for f in (factor, 1 / factor)):
                 error[law] = _law_error(model, j, law)
-        best = min(error, key=error.get)
+        best = min(error, key=error.__getitem__)
         if best != model.laws[j]:
-            model = evolve_model(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
+            model = evolve(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
     return model
 
 
 def _law_error(model: Model, joint: int, law: FrictionLaw) -> float:
-    if (joint, law) not in model._cache:
-        model._cache[joint, law] = model.setting.sign(joint, law)
-    place = len(model.setting.names) + model.setting.joints + joint
-    return _swap_error(model, place, joint, model._cache[joint, law])
+    place = len(model.setting.labels) + model.setting.joints + joint
+    return _swap_error(model, place, joint, model.formed.sign(joint, law))
 
 
 def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> float:
@@ -361,5 +329,5 @@ def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> flo
 
 def _best_skew(model: Model) -> Model:
     step = model.setting.motion.sample
-    options = [evolve_model(model, skew=k * step) for k in (0.0, 0.5, 1.0)]
+    options = [evolve(model, skew=k * step) for k in (0.0, 0.5, 1.0)]
     return min(options, key=train_error)

@@ -2,23 +2,25 @@
 same rule.
 
 A basis of hat functions of one signal, products of two, or the distance since the last reversal. They carry no physics;
-they say on
-which signals a residual depends, and give a smooth correction where no name fits.
+they say on which signals a residual depends, and give a smooth correction where no name fits.
 """
 
+from collections.abc import Callable, Hashable
 from functools import cached_property
-from itertools import count
 
 import numpy as np
-from attrs import define, evolve, frozen
+from attrs import Factory, define, evolve, field, frozen
 
-from cosim.effects import Effect, Scene
-from cosim.effects.effect import Theta
-from cosim.effects.transmission import displaced, slopes
+from cosim.closure.model.motion import FitRows, SmoothedMotion
+from cosim.effects import Effect, EffectEstimate, Scene
+from cosim.effects.motion import Columns, Joints, Theta
+from cosim.effects.transmission import displaced
+from cosim.measured import Label
 
 HATS = 8
-_FITS = count(1)  # numbers of the fits that columns are formed from
 APART = (5.0, 7.5, 12.0, 20.0)  # filter widths: beyond the filter's memory
+Basis = Callable[[Scene, int], np.ndarray]
+"""(scene, joint from 0) -> columns (n, k)."""
 
 
 def hats(x: np.ndarray, knots: np.ndarray, straight_on: bool = False) -> np.ndarray:
@@ -34,41 +36,48 @@ def hats(x: np.ndarray, knots: np.ndarray, straight_on: bool = False) -> np.ndar
     return np.where(place == 0, 1 - share, 0.0) + np.where(place == 1, share, 0.0)
 
 
+@frozen(eq=False)
+class FitMark:
+    """Marks columns that were formed from a fitted model: columns with different marks differ."""
+
+
 @frozen(kw_only=True)
 class Dependence(Effect):
-    """A smooth function of some signals, added to the torque of one joint."""
+    """A smooth function of some signals, added to the torque of one joint.
+
+    witness: formed from the residual itself, so that it shows that something is left and corrects nothing. words: what
+    it is, where the signals do not say it. separated_by: what would distinguish it from a named effect that explains
+    the same, where it may be behind one. fitted: the fit that its columns were formed from; None where they come from
+    the motion alone.
+    """
 
     signals: tuple[str, ...]
-    basis: object  # (scene, joint) -> (n, k)
+    basis: Basis
     sharp: bool = True
     dynamic: bool = False
-    witness: bool = False  # formed from the residual itself: shows that something is left, corrects nothing
-    words: str = ""  # what it is, where the signals do not say it
-    separated_by: str = (
-        ""  # what would tell it from a named effect that explains the same, where it may stand behind one
-    )
-    fitted: int = 0  # number of the fit that its columns are formed from: those of another fit are others
+    witness: bool = False
+    words: str = ""
+    separated_by: str = ""
+    fitted: FitMark | None = None
+    title: str = field(init=False, default=Factory(lambda kind: _title(kind), takes_self=True))
     name = "unknown"
 
     @property
-    def title(self) -> str:
-        return self.words or f"a smooth function of {' and '.join(self.signals)}"
+    def key(self) -> Hashable:
+        return self.signals, self.witness, self.words, self.fitted
 
-    @property
-    def key(self) -> str:
-        return (
-            f"unknown: "
-            f"{', '.join(self.signals)}{' (persistence)' if self.witness else ''} {self.words} {self.fitted or ''}"
-        )
-
-    def columns(self, scene, joints, theta):
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: self.basis(scene, joints[0])}
 
-    def labels(self, joints, theta):
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return ()
 
-    def parameters(self, estimate):
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         return {}
+
+
+def _title(kind: Dependence) -> str:
+    return kind.words or f"a smooth function of {' and '.join(kind.signals)}"
 
 
 @define(eq=False)
@@ -91,9 +100,9 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
     """
     m = scene.motion
     signals = _Signals(scene)
-    nj, fitted, raw = scene.joints, next(_FITS), scene.device == "regressor"
+    nj, fitted, raw = scene.joints, FitMark(), scene.device.recorded_columns
 
-    def on(basis, *names: str) -> Dependence:
+    def on(basis: Basis, *names: str) -> Dependence:
         return Dependence(signals=names, basis=basis)
 
     def of(x: np.ndarray, name: str) -> Dependence:
@@ -125,17 +134,16 @@ def dependences(scene: Scene) -> tuple[Dependence, ...]:
 
 def faults(scene: Scene, joint: int) -> tuple[Dependence, ...]:
     """Faults of a joint's drive and encoder: a gain that varies smoothly with the torque or over time, an error that
-    does with the angle or
-    over time. They may do within a motion what an effect of the arm does. The encoder's need equations of motion.
+    varies with the angle or over time. Within a motion they may look like an effect of the arm. Those of the encoder
+    need equations of motion.
 
-    A constant gain or error is a named effect and left out, but for a gain that the named effect cannot show. What
-    varies over time
-    counts as slow: it shifts the angle, not the acceleration.
+    A constant gain or error is a named effect and left out, except a gain that the named effect cannot show. What
+    varies over time counts as slow: it shifts the angle, not the acceleration.
     """
     q, torque, fitted_rows = scene.motion.q[:, joint], scene.prediction[:, [joint]], ~scene.motion.test
     x, angle, clock = torque / max(float(torque.std()), 1e-12), _standard(q), _time(scene, joint)
     clock = (clock - clock[fitted_rows].mean(axis=0))[:, 1:]  # hats add to one
-    number, fitted, load = joint + 1, next(_FITS), "the same angles under another load"
+    number, fitted, load = joint + 1, FitMark(), "the same angles under another load"
     constant = np.ones((len(x), 0 if scene.declared else 1))
 
     def drive(shape: np.ndarray, varies_with: str, *signals: str) -> Dependence:
@@ -143,13 +151,13 @@ def faults(scene: Scene, joint: int) -> tuple[Dependence, ...]:
         return Dependence(
             signals=signals,
             basis=lambda scene, joint: columns,
-            sharp=scene.device == "regressor",
+            sharp=scene.device.recorded_columns,
             fitted=fitted,
             words=f"a gain of the drive that varies with {varies_with}",
             separated_by=f"{load}, or a torque measured behind the drive",
         )
 
-    def encoder(basis, varies_with: str, *signals: str) -> Dependence:
+    def encoder(basis: Basis, varies_with: str, *signals: str) -> Dependence:
         return Dependence(
             signals=signals,
             basis=basis,
@@ -170,18 +178,18 @@ def faults(scene: Scene, joint: int) -> tuple[Dependence, ...]:
                 lambda scene, joint: displaced(scene, joint, shift)[joint], f"q{number}", f"q{number}", f"tau{number}"
             )
         )
-        if (by_angle := slopes(scene, joint)[0].get(joint)) is not None:
+        if (by_angle := scene.joint(joint).slopes[0].get(joint)) is not None:
             found.append(encoder(lambda scene, joint: by_angle[:, None] * clock, "time", "time", f"tau{number}"))
     return tuple(found)
 
 
 def other_laws(scene: Scene, effect: Effect, joint: int) -> tuple[Dependence, ...]:
     """Laws without a name of the signal that an effect of one joint is a function of."""
-    signals, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), next(_FITS)
+    signals, fitted = tuple(f"{name}{joint + 1}" for name in effect.signals), FitMark()
     return tuple(
         Dependence(
             signals=signals,
-            basis=lambda scene, joint, values=values: values,
+            basis=_fixed(values),
             sharp=effect.sharp,
             words=words,
             fitted=fitted,
@@ -191,6 +199,10 @@ def other_laws(scene: Scene, effect: Effect, joint: int) -> tuple[Dependence, ..
     )
 
 
+def _fixed(columns: np.ndarray) -> Basis:
+    return lambda scene, joint: columns
+
+
 def _standard(x: np.ndarray) -> np.ndarray:
     return (x - x.mean()) / max(float(x.std()), 1e-12)
 
@@ -198,21 +210,21 @@ def _standard(x: np.ndarray) -> np.ndarray:
 def varied(
     scene: Scene, effect: Effect, joint: int, theta: Theta, beta: np.ndarray, whole: bool
 ) -> tuple[Dependence, ...]:
-    """An effect of one joint whose size varies with a signal of that joint; `whole`: with the constant part of it,
-    which the model lacks.
+    """An effect of one joint whose size varies with a signal of that joint; `whole` adds the constant part, where the
+    model lacks it.
     """
     m, number = scene.motion, joint + 1
     columns = effect.columns(scene, (joint,), theta)[joint]
     columns = columns if effect.amplitude else (columns @ beta)[:, None]
     signals = {f"q{number}": m.q[:, joint], f"dq{number}": m.dq[:, joint], f"tau{number}": scene.prediction[:, joint]}
 
-    def basis(signal: np.ndarray):
+    def basis(signal: np.ndarray) -> Basis:
         x = signal / max(float(signal.std()), 1e-12)
         shapes = [np.ones_like(x)] * whole + [x, np.abs(x), x * x]
         values = np.concatenate([columns * shape[:, None] for shape in shapes], axis=1)
         return lambda scene, joint: values
 
-    own, fitted = tuple(f"{name}{number}" for name in effect.signals), next(_FITS)
+    own, fitted = tuple(f"{name}{number}" for name in effect.signals), FitMark()
     return tuple(
         Dependence(
             signals=tuple(dict.fromkeys((*own, name))),
@@ -225,7 +237,7 @@ def varied(
     )
 
 
-def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependence:
+def persistence(rows: FitRows, motion: SmoothedMotion, residual: np.ndarray, use: np.ndarray) -> Dependence:
     """The residual (J, m) of one joint beyond the filter's memory before and after: something slow that no signal of
     the state explains.
     """
@@ -241,10 +253,11 @@ def persistence(rows, motion, residual: np.ndarray, use: np.ndarray) -> Dependen
     )
 
 
-def _of(x: np.ndarray, fitted: np.ndarray):
-    """Hats of a signal (n,) between quantiles of its fitted rows (n,), straight on beyond their ends: where hats are
-    constant, a linear
-    term of the model, which they hold too, is left to the few rows there.
+def _of(x: np.ndarray, fitted: np.ndarray) -> Basis:
+    """Hats of a signal (n,) between quantiles of its fitted rows (n,), linear beyond their ends.
+
+    The hats contain the linear terms of the model. Constant beyond the ends, they would leave these terms to be fitted
+    on the few rows there.
     """
 
     def basis(scene: Scene, joint: int) -> np.ndarray:
@@ -253,7 +266,7 @@ def _of(x: np.ndarray, fitted: np.ndarray):
     return basis
 
 
-def _odd(dq: np.ndarray, sign: np.ndarray, fitted: np.ndarray):
+def _odd(dq: np.ndarray, sign: np.ndarray, fitted: np.ndarray) -> Basis:
     """A friction curve, the same in both directions: hats of the speed, twice as close as those of the velocity."""
     speed = _of(np.abs(dq), fitted)
     return lambda scene, joint: speed(scene, joint) * sign[:, None]
@@ -267,7 +280,7 @@ def _time(scene: Scene, joint: int) -> np.ndarray:
     return hats(clock, np.unique(np.quantile(train, np.linspace(0, 1, count))))
 
 
-def _product(q: np.ndarray, dq: np.ndarray, sign: np.ndarray):
+def _product(q: np.ndarray, dq: np.ndarray, sign: np.ndarray) -> Basis:
     def basis(scene: Scene, joint: int) -> np.ndarray:
         x = _standard(q)
         v = dq / max(float(dq.std()), 1e-12)
@@ -276,7 +289,7 @@ def _product(q: np.ndarray, dq: np.ndarray, sign: np.ndarray):
     return basis
 
 
-def _pairs(a: np.ndarray, b: np.ndarray):
+def _pairs(a: np.ndarray, b: np.ndarray) -> Basis:
     def basis(scene: Scene, joint: int) -> np.ndarray:
         x, y = _standard(a), _standard(b)
         return np.stack((x, y, x * y, x * x, y * y, x * x * y, x * y * y, x**3, y**3), axis=1)
@@ -284,7 +297,7 @@ def _pairs(a: np.ndarray, b: np.ndarray):
     return basis
 
 
-def _history(signals: _Signals, i: int):
+def _history(signals: _Signals, i: int) -> Basis:
     def basis(scene: Scene, joint: int) -> np.ndarray:
         d = signals.since_reversal[:, i]
         positive = d[d > 0]

@@ -1,5 +1,5 @@
-"""Is anything left in the residual? Smooth functions of single signals, of pairs and of history compete under the rule
-of the claims.
+"""Whether anything is left in the residual: smooth functions of single signals, of pairs and of history compete under
+the rule for claims.
 """
 
 from collections.abc import Iterable, Sequence
@@ -8,28 +8,26 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.model.candidates import Candidate, Normal
-from cosim.closure.model.model import ChosenEffect, Model, columns_of, with_choices
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.model import Model, columns_of, with_choices
 from cosim.closure.model.unnamed import Dependence, dependences, faults, persistence, varied
 from cosim.closure.score.evidence import EffectEvidence, weigh
 from cosim.closure.score.floor import from_sensors
 from cosim.closure.score.selection import Rule
 
-PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to foretell
+PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond the filter's memory have to predict
 LARGE = 0.01  # of the torque
-BEYOND, MUCH = (
-    4.0,
-    0.03,
-)  # times the noise of the sensors, and share of the torque, from which on a residual cannot be called noise
-NEW = 2.0  # times the residual of fitted rows, and the noise, from which on held-out rows show what those do not
-DOUBT = 0.25  # share of what a name leaves that a nameless function has to take away to make the name doubtful
-FLEXIBLE = 2.5  # a basis of eight functions has to remove this many times what one column has to
+BEYOND, MUCH = 4.0, 0.03
+"""Times the noise of the sensors, and share of the torque, above which a residual cannot be called noise."""
+NEW = 2.0  # times the residual of fitted rows, and the noise, above which held-out rows show something new
+DOUBT = 0.25  # share of what a name leaves that a nameless function has to remove to make the name doubtful
+FLEXIBLE = 2.5  # times the share of the error that one column has to remove, for a basis of eight functions
 
 
 @frozen(eq=False)
 class Leftover:
     """A signal that the residual of some joints depends on, without a name; not `sure` where only the residual's size
-    shows that
-    something is missing.
+    shows that something is missing.
     """
 
     evidence: EffectEvidence
@@ -37,21 +35,30 @@ class Leftover:
 
     @property
     def choice(self) -> ChosenEffect:
+        """The dependence, chosen on its joint."""
         return self.evidence.candidate.choice
 
     @property
+    def dependence(self) -> Dependence:
+        """The function without a name."""
+        effect = self.choice.effect
+        assert isinstance(effect, Dependence), "what is left has no name"
+        return effect
+
+    @property
     def signals(self) -> tuple[str, ...]:
-        return self.choice.effect.signals
+        """Signals that the residual depends on."""
+        return self.dependence.signals
 
     @property
     def form(self) -> str:
         """What was fitted, in words."""
-        return self.choice.effect.title
+        return self.dependence.title
 
     @property
     def separated_by(self) -> str:
-        """What would tell it from a named effect."""
-        if given := self.choice.effect.separated_by:
+        """What would distinguish it from a named effect."""
+        if given := self.dependence.separated_by:
             return given
         if "time" in self.signals:
             return "the same motion, later"
@@ -60,19 +67,18 @@ class Leftover:
 
     @property
     def joint(self) -> int:
+        """The joint (0-based) whose residual it is."""
         return self.evidence.joints[0]
 
 
 def leftovers(
     model: Model, rule: Rule, former: tuple[tuple[ChosenEffect, np.ndarray], ...] = ()
 ) -> tuple[tuple[Leftover, ...], dict[int, Leftover]]:
-    """Dependences of the residual that the rule accepts, strongest first; for joints without any the best one that is
-    enough to doubt
-    a name. A doubt needs less than a claim: it may be small and one of many that were tried.
+    """Dependences of the residual that the rule accepts, strongest first; for joints without any the best one that
+    makes a name doubtful. A doubt needs less than a claim: it may be small and one of many that were tried.
 
-    Whether the size of a named effect varies with another signal is one of them; `former`: effects that were named,
-    with their
-    coefficients.
+    Whether the size of a named effect varies with another signal is one of them. former: effects that were named and
+    withdrawn, with their coefficients.
     """
     joints = tuple(range(model.setting.joints))
     kinds = [(kind, joints) for kind in dependences(model.scene)] + [
@@ -88,11 +94,14 @@ def leftovers(
     trials = sum(len(on) for _, on in kinds)
     strict = evolve(rule, gain=FLEXIBLE * rule.gain, size=1.25 * rule.size)
     doubt = evolve(rule, p=1.0, gain=DOUBT, size=0.0)
-    found, best, doubts, normal = [], {}, {}, Normal(model)
+    found: list[Leftover] = []
+    best: dict[int, EffectEvidence] = {}
+    doubts: dict[int, EffectEvidence] = {}
+    normal = Normal(model)
     for kind, on in kinds:
         basis = model.setting.rows.filtered(kind.columns(model.scene, on, ())[on[0]], kind.sharp)
         for joint in on:
-            model._cache[(kind.key, (joint,), (), tuple(model.laws))] = {joint: basis}
+            model.formed.keep(ChosenEffect(kind, (joint,)), model.laws, {joint: basis})
             evidence = weighed(model, kind, joint, trials, normal)
             if evidence is None:
                 continue
@@ -108,8 +117,8 @@ def leftovers(
     large = sorted(bare & beyond_noise(model))
     for joint in set(large) - set(best):
         every = [weighed(model, kind, joint, trials, normal, least=0.0) for kind, on in kinds if joint in on]
-        if any(every):
-            best[joint] = min(filter(None, every), key=EffectEvidence.error)
+        if known := [evidence for evidence in every if evidence is not None]:
+            best[joint] = min(known, key=EffectEvidence.error)
     found += [Leftover(best[joint], sure=False) for joint in large if joint in best]
     sure = strongest(found)
     return tuple(found), {joint: Leftover(evidence) for joint, evidence in doubts.items() if joint not in sure}
@@ -121,10 +130,9 @@ def _keep_better(known: dict[int, EffectEvidence], joint: int, evidence: EffectE
 
 
 def beyond_noise(model: Model) -> set[int]:
-    """Joints (0-based) that are not complete whatever signals explain: their residual, fitted or held out, is far
-    larger than the noise of
-    the sensors, or held-out rows leave more than that noise and far more than fitted ones do, as where only they cross
-    a gap.
+    """Joints (0-based) whose model is incomplete whatever signals explain: the residual, fitted or held out, is far
+    larger than the noise of the sensors, or the held-out residual is larger than that noise and far larger than the
+    fitted one, as where only held-out rows cross a gap.
     """
     if (noise := from_sensors(model)) is None:
         return set()
@@ -142,9 +150,7 @@ def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def _persistent(model: Model, rule: Rule, joints: set[int], normal: Normal) -> tuple[Leftover, ...]:
-    """Joints whose residual is large and goes on beyond the filter's memory though it depends on no signal: they are
-    not complete.
-    """
+    """Joints whose residual is large and correlated beyond the filter's memory though it depends on no signal."""
     kind = persistence(model.setting.rows, model.setting.motion, model.residual, model.setting.use)
     strict = evolve(rule, gain=PERSISTENT, size=LARGE)
     found = []
@@ -185,5 +191,5 @@ def strongest(found: Iterable[Leftover]) -> dict[int, Leftover]:
 
 def corrected(model: Model, found: Iterable[Leftover]) -> Model:
     """The model with the best smooth correction of each joint that needs one."""
-    best = strongest(x for x in found if x.sure and not x.choice.effect.witness).values()
+    best = strongest(x for x in found if x.sure and not x.dependence.witness).values()
     return with_choices(model, (*model.choices, *(x.choice for x in best)))

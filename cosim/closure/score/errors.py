@@ -10,13 +10,12 @@ BURN = 3.5  # filter widths at the ends of runs that are never judged
 
 @frozen(eq=False)
 class TorqueError:
-    """RMS% of the held-out rows per joint on which the joint moves: `before`, `after`, 95 % interval of `after`; on
-    fitted rows alike.
+    """RMS% of the held-out rows per joint on which the joint moves: `before`, `after`, 95 % interval of `after`, and
+    the same on fitted rows.
 
     At a standstill static friction takes any value, and within a filter's reach of a reversal its direction is not
-    known: no model of
-    motion is judged there. `all_before`, `all_after` include reversals, but not rests. share_moving, share_rest: of the
-    held-out rows.
+    known: no model of motion is judged there. `all_before`, `all_after` include reversals, but not rests. share_moving,
+    share_rest: of the held-out rows.
     """
 
     before: tuple[float, ...]
@@ -85,7 +84,8 @@ def torque(model: Model) -> np.ndarray:
 def _interval(model: Model, rows: np.ndarray) -> tuple[tuple[float, float], ...]:
     """95 % interval by resampling held-out blocks, 500 times."""
     rows = np.broadcast_to(rows, model.target.shape)
-    block, out = model.setting.rows.block, []
+    block = model.setting.rows.block
+    out: list[tuple[float, float]] = []
     for r, y, u in zip(model.residual, torque(model), rows, strict=True):
         numbers = np.unique(block[u])
         if len(numbers) < 3:
@@ -95,5 +95,6 @@ def _interval(model: Model, rows: np.ndarray) -> tuple[tuple[float, float], ...]
         sums = np.stack([np.bincount(place, x[u] ** 2) for x in (r, y)])
         draws = np.random.default_rng(0).integers(len(numbers), size=(500, len(numbers)))
         spread = 100 * np.sqrt(sums[0][draws].sum(axis=1) / np.maximum(sums[1][draws].sum(axis=1), 1e-300))
-        out.append(tuple(float(v) for v in np.percentile(spread, (2.5, 97.5))))
+        low, high = np.percentile(spread, (2.5, 97.5))
+        out.append((float(low), float(high)))
     return tuple(out)

@@ -1,5 +1,5 @@
-"""Evidence for a candidate: what it takes away on blocks that the fit has not seen, and how sure its coefficients
-are.
+"""Evidence for a candidate: the error that it removes on blocks that the fit has not seen, and how sure its
+coefficients are.
 """
 
 import numpy as np
@@ -9,10 +9,9 @@ from cosim.closure.model.candidates import Candidate
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.floor import from_encoders
 from cosim.effects import EffectEstimate, Scene
+from cosim.effects.motion import Joints
 
-BEYOND_NOISE = (
-    1.5  # times the variance of the encoder's noise in the torque that an effect which smooths it has to take away
-)
+BEYOND_NOISE = 1.5  # times the variance of encoder noise in the torque, that an effect which smooths it has to remove
 
 
 @frozen(eq=False)
@@ -20,12 +19,9 @@ class EffectEvidence:
     """A candidate added to a model and fitted with it.
 
     p: of the block jackknife's F on the fitted rows, times the number of regressions tried; gain_fit, gain_held: share
-    of the
-    squared error of its joints that it takes away on fitted blocks left out in turn and on held-out blocks; t_fit,
-    t_held: of the
-    paired differences per block; size: RMS of what only this effect explains, as a share of the torque's RMS, on fitted
-    or held-out
-    rows.
+    of the squared error of its joints that it removes on fitted blocks left out in turn and on held-out blocks; t_fit,
+    t_held: of the paired differences per block; size: RMS of what only this effect explains, as a share of the torque's
+    RMS, on fitted or held-out rows.
     """
 
     candidate: Candidate
@@ -42,10 +38,12 @@ class EffectEvidence:
 
     @property
     def name(self) -> str:
+        """Name of the effect."""
         return self.candidate.choice.effect.name
 
     @property
-    def joints(self) -> tuple[int, ...]:
+    def joints(self) -> Joints:
+        """Joints of the effect, 0-based."""
         return self.candidate.choice.joints
 
     def error(self) -> float:
@@ -81,8 +79,8 @@ def weigh(model: Model, candidate: Candidate, trials: int, passes: int = 1) -> E
 
 
 def _of_noise(model: Model, new: Model) -> str:
-    """Whether an effect that smooths the acceleration takes away no more than the encoder's noise that stands in it;
-    empty where it takes more.
+    """Why an effect that smooths the acceleration removes no more than the encoder's noise in it; empty where it does
+    more.
     """
     choice = new.choices[-1]
     if not choice.effect.smooths or (noise := from_encoders(model)) is None:
@@ -99,9 +97,8 @@ def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Squared errors of blocks as `Model.joint_error`, scaled up where an effect acts on the measured torque.
 
     Such an effect (saturation, dead band, lag) removes a part of what is to be explained, whether or not the model
-    explains it. The
-    error is therefore held against what is left to explain: times sum y^2 / sum (what is left of y)^2 of each joint's
-    fitted rows.
+    explains it. The error is therefore scaled by what is left to explain: times sum y^2 / sum (what is left of y)^2 of
+    each joint's fitted rows.
     """
     fitted, held = model.joint_error()
     taken = np.zeros_like(model.target)
@@ -116,12 +113,12 @@ def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _beside(old: Model, new: Model) -> Scene:
-    """The scene of the old model with the friction of the new one: what the sign of an estimate is judged by."""
-    p, nj = len(new.setting.names), new.setting.joints
-    return evolve(old.scene, viscous=new.fit.beta[p : p + nj], coulomb=new.fit.beta[p + nj : p + 2 * nj])
+    """The scene of the old model with the friction of the new one, by which an estimate is judged physical."""
+    viscous, coulomb = new.friction_levels
+    return evolve(old.scene, viscous=viscous, coulomb=coulomb)
 
 
-def _felt(model: Model) -> tuple[int, ...]:
+def _felt(model: Model) -> Joints:
     """Joints (0-based) on whose rows the last choice acts; those of the candidate for effects that name one joint."""
     choice, columns = model.choices[-1], model.columns[-1]
     if len(choice.joints) > 1:
@@ -142,9 +139,7 @@ def _p_value(beta: np.ndarray, cov: np.ndarray, blocks: int) -> float:
 
 def standard_errors(difference: np.ndarray) -> float:
     """How surely the paired differences per block are positive, in standard errors: the larger of Student's t and
-    Wilcoxon's z.
-
-    Wilcoxon's signed ranks see an improvement that a few blocks hold most of, where t does not.
+    Wilcoxon's z. Signed ranks show an improvement that lies mostly in a few blocks, where t does not.
     """
     from scipy.stats import rankdata
 
@@ -162,9 +157,8 @@ def student(difference: np.ndarray) -> float:
 
 
 def _size(old: Model, new: Model, joints: list[int]) -> float:
-    """RMS of the change of the prediction as a share of the RMS of the torque, rows of these joints: fitted or held-out
-    ones, whichever
-    show more.
+    """RMS of the change of the prediction as a share of the RMS of the torque of these joints: on fitted or held-out
+    rows, whichever show more.
     """
     change, use, torque = ((new.residual - old.residual)[joints], old.setting.use[joints], old.target[joints])
     halves = [use & rows for rows in (~old.setting.rows.test, old.setting.rows.test)]

@@ -1,17 +1,16 @@
 """The noise floor of a recording: how far the torque differs between repeats of the same motion.
 
-Where all joints go through the same motion again after a period P, the torque of the repeats has no reason to differ
-that a model of the motion could know.
+Where all joints repeat the same motion after a period P, no model of the motion can explain how the torque differs
+between the repeats.
 
     floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque
 """
 
 import numpy as np
 
-from cosim.closure.data.motion import SmoothedMotion
-from cosim.closure.data.smoothing import convolve, kernel, noise_left, position_noise
 from cosim.closure.model.model import Model
-from cosim.effects.transmission import slopes
+from cosim.closure.model.motion import SmoothedMotion
+from cosim.closure.model.smoothing import convolve, kernel, noise_left, position_noise
 
 SAME = 0.01  # RMS difference of two cycles of a joint, as a share of its own RMS about the mean
 SHORTEST = 0.5  # s, shortest period
@@ -47,7 +46,7 @@ def from_encoders(model: Model) -> np.ndarray | None:
     scene, m = model.scene, model.setting.motion
     if scene.rigid_slopes is None or not m.differentiated:
         return None
-    inertia = np.array([np.sqrt(np.mean(slopes(scene, j)[2][j] ** 2)) for j in range(m.joints)])
+    inertia = np.array([np.sqrt(np.mean(scene.joint(j).slopes[2][j] ** 2)) for j in range(m.joints)])
     return inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2)
 
 
@@ -64,7 +63,7 @@ def _cycles(motion: SmoothedMotion, a: int, b: int) -> np.ndarray | None:
 
 
 def period(q: np.ndarray, step: float) -> int | None:
-    """Rows after which every joint of q (n, nj) that moves is where it was; None if that is never so."""
+    """The number of rows after which the motion q (n, nj) repeats; None where it does not."""
     moved = q[:, np.ptp(q, axis=0) > 0]
     if moved.shape[1] == 0:
         return None

@@ -2,16 +2,15 @@
 (tests/support/rig/study.py nulls).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.model.candidates import BETWEEN, Candidate, screen, shifted
+from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.model import (
-    ChosenEffect,
     Model,
-    evolve_model,
     filtered,
     settled,
     spread,
@@ -20,25 +19,25 @@ from cosim.closure.model.model import (
 )
 from cosim.closure.score.evidence import EffectEvidence, relative_error, weigh
 from cosim.effects import Effect
+from cosim.effects.motion import Joints, Theta
 
-FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
-NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
-PLAIN = 0.97  # of the error that an unphysical step may leave at most to be taken: the data ask for it
+FORM_ERROR = 0.03  # of a strong effect's share of the torque: the error of its idealised form
+NEAR = 0.4  # share of the best candidate's gain above which another is compared with a friction law of its own
+PLAIN = 0.97  # of the error: a step to unphysical values has to leave less, so that the data clearly ask for it
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
-DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
+DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one removes
 TANGENT = 0.005  # step of the central differences in nonlinear parameters: a fraction of the narrowest resonance
-CLEARLY = (
-    1.1  # times the gain of an effect on the whole arm that effects of single joints have to reach to be preferred
-)
+CLEARLY = 1.1  # times the gain of an effect on the whole arm, for effects of single joints to be preferred
 
 
 @frozen
 class Rule:
-    """What a claim needs. p: jackknife F on fitted blocks times everything tried; gains: share of its joints' squared
-    error removed on
-    blocks not seen; t: paired differences per block; size: share of the torque's RMS that only this effect explains;
-    sure: t of fitted
-    and held-out blocks that stands in for p where few blocks hold an effect.
+    """What a claim needs.
+
+    p: jackknife F on fitted blocks, times everything tried; gain: share of its joints' squared error removed on blocks
+    not seen; t_fit, t_held: of paired differences per block; size: share of the torque's RMS that only this effect
+    explains; sure: t of fitted and held-out blocks that replaces p where few blocks show an effect; most: effects to
+    add; shortlist: candidates to weigh in a round.
     """
 
     p: float = 1e-3
@@ -51,7 +50,7 @@ class Rule:
     shortlist: int = 40
 
     def refusal(self, evidence: EffectEvidence) -> str:
-        """Why the evidence does not carry a claim; empty where it does."""
+        """Why the evidence does not support a claim; empty where it does."""
         if evidence.reason:
             return evidence.reason
         if evidence.candidate.choice.effect.of_time and evidence.gain_held > 0:
@@ -77,12 +76,11 @@ class Rule:
         return next((text for failed, text in checks if failed), "")
 
     def confirmed(self, evidence: EffectEvidence) -> bool:
-        """Whether held-out blocks, which took no part in the search, carry the claim where an effect shows in few
+        """Whether held-out blocks, which took no part in the search, support the claim where an effect shows in few
         fitted blocks.
 
         A short recording has too few of them for five standard errors (all of 20 blocks better: Wilcoxon's z is 3.9);
-        three are
-        enough where the effect explains most of what there is.
+        three are enough where the effect explains most of what there is.
         """
         gain = min(evidence.gain_held, evidence.gain_fit)
         return evidence.t_held >= self.sure and (
@@ -118,15 +116,20 @@ class Selection:
     trials: int
 
 
-Progress = Callable[[str], None]
-
-
-def select(before: Model, effects: Sequence[Effect], rule: Rule, progress: Progress = lambda text: None) -> Selection:
+def select(
+    before: Model,
+    effects: Sequence[Effect],
+    rule: Rule,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Selection:
     """Add the best effect that the rule accepts, refit everything, drop what is no longer needed, until nothing is
     accepted.
     """
-    model, steps, untestable, trials = before, [], (), 0
-    seen, shares = set(), {}
+    model, trials = before, 0
+    steps: list[SelectionRound] = []
+    untestable: tuple[Candidate, ...] = ()
+    seen: set[frozenset[tuple[Hashable, Joints]]] = set()
+    shares: dict[int, float] = {}
     given = {choice.key for choice in before.choices}
     while len(model.choices) - len(given) < rule.most:
         candidates = screen(model, effects)
@@ -182,8 +185,8 @@ def _settled_best(best: EffectEvidence, weighed: Sequence[EffectEvidence], rule:
 
 
 def _beside(model: Model, evidence: EffectEvidence, shares: dict[int, float]) -> str:
-    """Why the evidence does not carry a claim beside what was accepted before: too small against its form error, or its
-    alias.
+    """Why the evidence does not support a claim beside the effects accepted before: it is smaller than their error of
+    form, or an alias of one.
     """
     strongest = max((shares.get(j, 0.0) for j in evidence.joints), default=0.0)
     if evidence.size < FORM_ERROR * strongest:
@@ -204,7 +207,7 @@ def _made_of_single_ones(model: Model, evidence: EffectEvidence, accepted: Seque
     if len(evidence.joints) == 1:
         return False
     t = model.setting.rows.train_blocks
-    best = {}
+    best: dict[int, float] = {}
     for other in accepted:
         if len(other.joints) == 1:
             best.setdefault(other.joints[0], float((model.fit.sse[:t] - other.model.fit.sse[:t]).sum()))
@@ -213,9 +216,8 @@ def _made_of_single_ones(model: Model, evidence: EffectEvidence, accepted: Seque
 
 
 def polished(model: Model, weight: np.ndarray | None = None) -> Model:
-    """The model with friction laws, weights and nonlinear parameters fitted again around its effects, of richer forms
-    where they are
-    worth it; at last with a weight (J,) if given.
+    """The model with friction laws, weights and nonlinear parameters fitted again around its effects, in richer forms
+    where these are worth it; at last with a weight (J,) if given.
     """
     model = _polished(model)
     for number, choice in enumerate(model.choices):
@@ -226,7 +228,7 @@ def polished(model: Model, weight: np.ndarray | None = None) -> Model:
             if trial.unseen(joint).sum() < WORTH * model.unseen(joint).sum():
                 model = trial
     if weight is not None:
-        model = evolve_model(model, weight=weight)
+        model = evolve(model, weight=weight)
     return with_choices(model, model.choices, passes=2)
 
 
@@ -249,9 +251,8 @@ def _polished(model: Model) -> Model:
 
 
 def _descended(model: Model, number: int) -> Model:
-    """The model with an effect's nonlinear parameters moved all at once (Gauss, Newton): those of a wall turn and shift
-    it together,
-    resonance, damping and share of a link its phase.
+    """The model with an effect's nonlinear parameters moved all at once (Gauss-Newton): those of a wall turn and shift
+    it together, those of a link (resonance, damping, share) its phase.
     """
     choice = model.choices[number]
     free, error = choice.effect.continuous(choice.theta), train_error(model)
@@ -274,10 +275,10 @@ def _descended(model: Model, number: int) -> Model:
 
 
 def _newton_steps(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
-    """Steps of the free nonlinear parameters that the model, linearised in them, fits best with."""
-    slopes = np.concatenate([column for column, _ in tangents(model, number, free)], axis=2)
+    """Best steps of the free nonlinear parameters for the model linearised in them."""
+    columns = np.concatenate([column for column, _ in tangents(model, number, free)], axis=2)
     train = ~model.setting.rows.test
-    x = np.concatenate((model.design, slopes), axis=2)[:, train].reshape(-1, model.design.shape[2] + len(free))
+    x = np.concatenate((model.design, columns), axis=2)[:, train].reshape(-1, model.design.shape[2] + len(free))
     size = np.linalg.norm(x, axis=0)
     scale = np.where(size > 1e-9 * size.max(), 1 / np.maximum(size, 1e-300), 0.0)
     return (np.linalg.lstsq(x * scale, model.y[:, train].ravel(), rcond=1e-8)[0] * scale)[-len(free) :]
@@ -313,7 +314,7 @@ def _together(model: Model, number: int) -> Model:
     def moved(x: np.ndarray) -> Model:
         theta = shifted(choice, free, x)
         law = evolve(model.laws[joint], width=model.laws[joint].width * float(np.exp(np.clip(x[-1], -2, 2))))
-        changed = evolve_model(model, laws=tuple(law if j == joint else old for j, old in enumerate(model.laws)))
+        changed = evolve(model, laws=tuple(law if j == joint else old for j, old in enumerate(model.laws)))
         return with_choices(
             changed, tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices)), passes=0
         )
@@ -331,7 +332,7 @@ def _together(model: Model, number: int) -> Model:
 
 def _refined(model: Model, number: int) -> ChosenEffect:
     """The choice with its continuous nonlinear parameters moved to the least error of the fitted rows, within what is
-    physical unless that costs clearly more.
+    physical unless the error is clearly larger there.
     """
     choice = model.choices[number]
     free = choice.effect.continuous(choice.theta)
@@ -341,7 +342,7 @@ def _refined(model: Model, number: int) -> ChosenEffect:
 
 
 def _line_search(model: Model, number: int, choice: ChosenEffect, index: int) -> ChosenEffect:
-    def tried(theta: tuple[float, ...]) -> Model:
+    def tried(theta: Theta) -> Model:
         return with_choices(
             model, tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices)), passes=0
         )
@@ -364,8 +365,8 @@ def _line_search(model: Model, number: int, choice: ChosenEffect, index: int) ->
     return evolve(choice, theta=best)
 
 
-def _pruned(model: Model, rule: Rule, trials: int, given: set) -> Model:
-    """The model without effects that the others have made needless, but for those that were `given`."""
+def _pruned(model: Model, rule: Rule, trials: int, given: set[tuple[Hashable, Joints]]) -> Model:
+    """The model without effects that the others have made superfluous, except those that were `given`."""
     while len(model.choices) > 1:
         weak = [
             k for k, c in enumerate(model.choices[:-1]) if c.key not in given and rule.refusal(alone(model, k, trials))

@@ -50,12 +50,12 @@ class TrialOutcome:
 
 def recording(run: Measured, case: Case):
     """The run as the tool reads it: second half held out."""
-    from cosim.measured import Recording, RecordingDescription, Run
+    from cosim.measured import PhantomDevice, Recording, RecordingDescription, Run
 
     n = len(run.time)
     description = RecordingDescription()
     if case.declared:
-        description = RecordingDescription(parameters="declared", declared_pi=tuple(map(float, case.plant.pi)))
+        description = RecordingDescription(PhantomDevice(declared_pi=tuple(map(float, case.plant.pi))))
     one = Run("rig", run.time, run.q, run.tau, np.arange(n) >= n // 2, q_ref=run.q_ref)
     return Recording(description, (one,))
 
@@ -90,17 +90,15 @@ def judge(task) -> dict:
     out.withdrawn = [(f.name, list(f.joints), why) for f, why in verdict.withdrawn]
     out.unknown = [(x.joint + 1, list(x.signals)) for x in verdict.leftovers]
     for f in verdict.findings:
-        out.parameters |= f.parameters
-        out.interval |= {k: list(v) for k, v in f.interval.items()}
+        out.parameters |= {str(label): value for label, value in f.parameters.items()}
+        out.interval |= {str(label): list(pair) for label, pair in f.interval.items()}
     if closure.error is not None:
         whole = held_torque(closure.before)
         out.before, out.after = (
             [float(e / 100 * w) for e, w in zip(errors, whole, strict=True)]
             for errors in (closure.error.before, closure.error.after)
         )
-        nj = closure.before.setting.joints
-        p = len(closure.before.setting.names)
-        out.viscous = [float(v) for v in closure.before.fit.beta[p : p + nj]]
+        out.viscous = closure.before.friction_levels[0].tolist()
     return asdict(out)
 
 

@@ -1,11 +1,9 @@
-"""The one filter of the residual pipeline: Gaussian kernels with finite memory, the same on both sides of the equation.
+"""The filter of the residuals: Gaussian kernels of finite length, the same on both sides of the equation.
 
 A recording is first smoothed by a short kernel K, which also gives the derivatives: q_s = K q, dq = K' q, ddq = K'' q,
-tau_s = K tau
-(exactly the derivative of the smoothed signal). Regressor columns are then formed and everything is smoothed again by F
-and
-thinned out. Columns that are sharp functions of the motion (a sign of velocity) get K as well, so both sides have
-passed K F.
+tau_s = K tau (exactly the derivative of the smoothed signal). Regressor columns are then formed and everything is
+smoothed again by F and thinned out. Columns that are sharp functions of the motion (a sign of velocity) get K as well,
+so both sides have passed K F.
 """
 
 import numpy as np
@@ -65,7 +63,7 @@ class Widths:
 
 
 TOTALS = (0.006, 0.010, 0.015, 0.025, 0.040, 0.060)  # s, the choices
-NOISE_SHARE = 0.02  # of the acceleration's RMS that position noise may make
+NOISE_SHARE = 0.02  # of the RMS of the acceleration that may be noise of the position
 
 
 def position_noise(q: np.ndarray) -> np.ndarray:
@@ -93,11 +91,13 @@ def choose_widths(q_runs: list[np.ndarray], step: float) -> Widths:
     noise = np.sqrt(np.mean([position_noise(q) ** 2 for q in q_runs], axis=0))
     floor = max(TOTALS[0], 3.0 * step)
     choices = [t for t in TOTALS if t >= floor] or [floor]
-    for total in choices:
-        first = max(total / 2, 1.5 * step)
+
+    def quiet(total: float) -> bool:
         made = noise * noise_left(total, step, derivative=2)
         weights = curve_kernel(total / step)
         moved = np.sqrt(np.mean(np.concatenate([convolve(q, weights) for q in q_runs]) ** 2, axis=0)) / step**2
-        if (made <= NOISE_SHARE * np.maximum(moved, 1e-12)).all():
-            break
+        return bool((made <= NOISE_SHARE * np.maximum(moved, 1e-12)).all())
+
+    total = next(filter(quiet, choices), choices[-1])
+    first = max(total / 2, 1.5 * step)
     return Widths(first, float(np.sqrt(max(total**2 - first**2, (0.5 * total) ** 2))))

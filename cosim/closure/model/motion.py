@@ -1,14 +1,17 @@
-"""A recording made ready: smoothed signals with derivatives at the full rate, and the thinned rows that residuals are
-formed on.
+"""A recording prepared: smoothed signals with derivatives at the full rate, and the thinned rows on which residuals are
+formed.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.closure.data.smoothing import (
+from cosim.closure.model.smoothing import (
     REACH,
     Widths,
     choose_widths,
@@ -22,9 +25,12 @@ from cosim.closure.data.smoothing import (
 from cosim.errors import InputError, Problem
 from cosim.measured import Recording, Run
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
 SAME_RATE = 0.005  # by which steps of runs may differ
-SAMPLED = 0.4  # widths of K that smoothed signals may be sampled at
-BLOCK = 0.5  # s, shortest length of the contiguous blocks that statistics count in
+SAMPLED = 0.4  # widths of K: the largest step at which smoothed signals are sampled
+BLOCK = 0.5  # s, shortest length of the contiguous blocks of the statistics
 MOST_BLOCKS = 60  # of the fitted rows
 
 
@@ -33,10 +39,9 @@ class SmoothedMotion:
     """Signals of all runs below each other, n rows, nj joints, every `stride`-th sample. SI.
 
     step, sample [s] between rows and between recorded samples; time (n,), run (n,) number of the run, test (n,) held
-    out;
-    q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at every
-    sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white noise of
-    the encoders [rad].
+    out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at
+    every sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white
+    noise of the encoders [rad].
     """
 
     step: float
@@ -68,11 +73,10 @@ class SmoothedMotion:
         return self.q.shape[1]
 
     @cached_property
-    def searched(self) -> tuple[np.ndarray, "SmoothedMotion"]:
-        """Rows (n',) of each run up to the filter's reach behind its last fitted one, and the motion of these alone:
-        what a search forms
-        columns on. Held-out rows take no part in it. Effects with memory have the same state there as on the whole
-        motion.
+    def searched(self) -> tuple[np.ndarray, SmoothedMotion]:
+        """The rows (n',) of each run up to its last fitted one and the reach of the filter after it, and the motion of
+        these alone. A search forms columns on them, without the held-out rows; effects with memory have the same state
+        there as on the whole motion.
         """
         reach = int(np.ceil(REACH * self.widths.total / self.step))
         counts = np.array(
@@ -104,7 +108,7 @@ class SmoothedMotion:
             commands=tuple(u[: count * self.stride] for u, count in zip(self.commands, counts, strict=True)),
         )
 
-    def per_run(self, function, x: np.ndarray) -> np.ndarray:
+    def per_run(self, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
         """Apply a function to the rows of each run of x (n, ...)."""
         return np.concatenate([function(x[a:b]) for a, b in self.bounds])
 
@@ -113,10 +117,8 @@ class SmoothedMotion:
         weights = kernel((width or self.widths.first) / self.step)
         return self.per_run(lambda part: convolve(part, weights), x)
 
-    def of_torque(self, joint: int, function) -> np.ndarray:
-        """K function(u) (n,) of the recorded torque of a joint, formed sample by sample before it is smoothed and
-        thinned.
-        """
+    def of_torque(self, joint: int, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """K function(u) (n,) of the recorded torque of a joint: formed sample by sample, then smoothed and thinned."""
         weights = kernel(self.widths.first / self.sample)
         return np.concatenate([convolve(function(u[:, joint]), weights)[:: self.stride] for u in self.commands])
 
@@ -141,21 +143,23 @@ def prepare(recording: Recording, widths: Widths | None = None) -> SmoothedMotio
     """Smoothed signals of every run; the kernels are chosen from the encoder noise unless given.
 
     Once smoothed, a signal is kept at every `stride`-th sample: K leaves nothing that a step of 0.4 of its width would
-    miss.
-    Recorded regressors are not smooth yet, so device "regressor" keeps every sample. Raises InputError where runs
-    differ in rate.
+    miss. Recorded columns are not smooth, so every sample is kept with them. Raises InputError where runs differ in
+    rate.
     """
     runs = recording.runs
     sample = _common_step(runs)
     widths = widths or choose_widths([run.q for run in runs], sample)
-    stride = 1 if recording.device == "regressor" else max(int(SAMPLED * widths.first / sample), 1)
+    stride = 1 if recording.device.recorded_columns else max(int(SAMPLED * widths.first / sample), 1)
     counts = [len(range(0, len(run), stride)) for run in runs]
     stops = np.cumsum(counts)
     parts = [_derivatives(run, widths, sample) for run in runs]
 
-    def stacked(pick) -> np.ndarray | None:
-        values = [pick(run) for run in runs]
-        return None if any(v is None for v in values) else np.concatenate([v[::stride] for v in values])
+    def stacked(signals: Iterable[np.ndarray]) -> np.ndarray:
+        return np.concatenate([x[::stride] for x in signals])
+
+    def of_all(pick: Callable[[Run], np.ndarray | None]) -> np.ndarray | None:
+        found = [x for run in runs if (x := pick(run)) is not None]
+        return stacked(found) if len(found) == len(runs) else None
 
     noise = np.sqrt(np.mean([position_noise(run.q) ** 2 for run in runs], axis=0))
     return SmoothedMotion(
@@ -165,27 +169,27 @@ def prepare(recording: Recording, widths: Widths | None = None) -> SmoothedMotio
         widths=widths,
         bounds=tuple((int(b - n), int(b)) for n, b in zip(counts, stops, strict=True)),
         names=tuple(run.name for run in runs),
-        time=stacked(lambda run: run.time),
+        time=stacked(run.time for run in runs),
         run=np.repeat(np.arange(len(runs)), counts),
-        test=stacked(lambda run: run.test),
-        q=np.concatenate([p[0][::stride] for p in parts]),
-        dq=np.concatenate([p[1][::stride] for p in parts]),
-        ddq=np.concatenate([p[2][::stride] for p in parts]),
-        tau=np.concatenate([p[3][::stride] for p in parts]),
-        tau_raw=stacked(lambda run: run.tau),
+        test=stacked(run.test for run in runs),
+        q=stacked(p[0] for p in parts),
+        dq=stacked(p[1] for p in parts),
+        ddq=stacked(p[2] for p in parts),
+        tau=stacked(p[3] for p in parts),
+        tau_raw=stacked(run.tau for run in runs),
         commands=tuple(run.tau for run in runs),
-        q_ref=stacked(lambda run: run.q_ref),
-        force=stacked(lambda run: run.force),
-        regressor=stacked(lambda run: run.regressor),
-        rigid=stacked(lambda run: run.rigid),
-        other={name: np.concatenate([run.other[name][::stride] for run in runs]) for name in runs[0].other},
+        q_ref=of_all(lambda run: run.q_ref),
+        force=of_all(lambda run: run.force),
+        regressor=of_all(lambda run: run.regressor),
+        rigid=of_all(lambda run: run.rigid),
+        other={name: stacked(run.other[name] for run in runs) for name in runs[0].other},
         angle_noise=noise,
         differentiated=any(run.dq is None or run.ddq is None for run in runs),
     )
 
 
 def _common_step(runs: Sequence[Run]) -> float:
-    """The sampling period [s] of all runs: derivatives, filters and delays count in it."""
+    """The sampling period [s] of all runs, which derivatives, filters and delays are based on."""
     step = float(np.median([run.step for run in runs]))
     rates = {f"{1 / run.step:.4g} Hz": run.name for run in reversed(runs)}
     if any(abs(run.step / step - 1) > SAME_RATE for run in runs):
@@ -216,10 +220,8 @@ class FitRows:
     """Thinned rows: which are used for which joint, in which block they lie.
 
     index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal,
-    nor at an end;
-    block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows; train_blocks their
-    count;
-    searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
+    nor at an end; block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows;
+    train_blocks their count; searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
     """
 
     index: np.ndarray
@@ -231,8 +233,8 @@ class FitRows:
     standstill_speed: np.ndarray
     block_seconds: float
     searched: np.ndarray
-    thin: object
-    thin_sharp: object
+    thin: csr_matrix
+    thin_sharp: csr_matrix
 
     def filtered(self, x: np.ndarray, sharp: bool) -> np.ndarray:
         """F x, or K F x of a sharp column, on the thinned rows: (n, k) -> (m, k)."""
@@ -243,8 +245,9 @@ class FitRows:
         return self._fitted[sharp] @ np.ascontiguousarray(x)
 
     @cached_property
-    def _fitted(self) -> tuple:
-        return tuple(operator[~self.test][:, self.searched] for operator in (self.thin, self.thin_sharp))
+    def _fitted(self) -> tuple[csr_matrix, csr_matrix]:
+        fitted = ~self.test
+        return self.thin[fitted][:, self.searched], self.thin_sharp[fitted][:, self.searched]
 
 
 def thinned(motion: SmoothedMotion) -> FitRows:
@@ -294,7 +297,7 @@ def _usable(motion: SmoothedMotion, index: np.ndarray, every: int) -> np.ndarray
 
 
 def _near_reversal(motion: SmoothedMotion, index: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """(m, nj): rows whose kernel sees a standstill or a change of direction of the joint."""
+    """(m, nj): rows whose kernel covers a standstill or a change of direction of the joint."""
     from scipy.ndimage import maximum_filter1d
 
     slow = np.abs(motion.dq) < speed
@@ -318,7 +321,7 @@ def _blocks(motion: SmoothedMotion, index: np.ndarray, test: np.ndarray) -> tupl
     return block, train, int(block.max()) + 1 if duration else 0, float(seconds)
 
 
-def _operator(motion: SmoothedMotion, index: np.ndarray, width: float):
+def _operator(motion: SmoothedMotion, index: np.ndarray, width: float) -> csr_matrix:
     """Sparse (m, n) matrix of a Gaussian smoother on the thinned rows; weights outside the run are dropped and the rest
     rescaled.
     """

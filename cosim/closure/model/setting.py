@@ -1,0 +1,124 @@
+"""The regression problem of a recording: what is predicted, the columns of the complete model, the rows that count."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from attrs import field, frozen
+
+from cosim.closure.model.friction import FrictionLaw
+from cosim.closure.model.motion import FitRows, SmoothedMotion
+from cosim.closure.model.rigid_body import RigidBody, rigid_body
+from cosim.effects.moving_arm import MovingArm, moving_arm
+from cosim.measured import Device, Label, Recording
+
+STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
+FEW_BLOCKS = 10  # fitted blocks for each recorded column, below which there are too many columns
+ColumnSlopes = Mapping[int, tuple[np.ndarray, np.ndarray]]
+"""How a rigid body's columns change with one joint: each joint -> numbers (k,) of the columns that change and their
+derivatives (n, k)."""
+
+
+@frozen(eq=False)
+class Setting:
+    """Fixed parts of the problem.
+
+    motion and body hold n rows at the full rate. Filtered and on m thinned rows: y, the torque that is to be explained,
+    its slope, viscous, given, which is what is known of the torque (J, m), and linear (J, m, p), the columns of the
+    body. use (J, m): rows to fit and judge on.
+    """
+
+    device: Device
+    motion: SmoothedMotion
+    rows: FitRows
+    body: RigidBody
+    linear: np.ndarray
+    viscous: np.ndarray
+    given: np.ndarray
+    y: np.ndarray
+    slope: np.ndarray
+    use: np.ndarray
+    units: Mapping[str, str]
+    _slopes: dict[int, tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]] = field(factory=dict, init=False, repr=False)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J."""
+        return self.motion.joints
+
+    @property
+    def labels(self) -> tuple[Label, ...]:
+        """Labels (p,) of the rigid body's fitted parameters."""
+        return self.body.labels
+
+    @property
+    def shrunk(self) -> int:
+        """Number of leading columns that are too many for the fitted blocks and get a penalty: recorded ones only."""
+        recorded = self.body.recorded
+        return recorded if self.rows.train_blocks < FEW_BLOCKS * recorded else 0
+
+    @cached_property
+    def arm(self) -> MovingArm | None:
+        """The arm along the motion, where the device is one."""
+        return moving_arm(self.device, self.motion)
+
+    @cached_property
+    def searched_arm(self) -> MovingArm | None:
+        """The arm along `motion.searched`."""
+        return moving_arm(self.device, self.motion.searched[1])
+
+    def slopes(self, joint: int) -> tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]:
+        """Derivatives of the body's columns by q, dq and ddq of a joint, by central differences, computed once."""
+        if joint not in self._slopes:
+            self._slopes[joint] = (self._slope(joint, 0), self._slope(joint, 1), self._slope(joint, 2))
+        return self._slopes[joint]
+
+    def _slope(self, joint: int, place: int) -> ColumnSlopes:
+        equations, unit = self.body.equations, STEP * np.eye(self.joints)[joint]
+        assert equations is not None, "only a body with equations of motion is differentiated"
+        states = (self.motion.q, self.motion.dq, self.motion.ddq)
+
+        def moved(sign: int) -> np.ndarray:
+            q, dq, ddq = (x + sign * unit * (k == place) for k, x in enumerate(states))
+            return equations(q, dq, ddq)
+
+        change = (moved(1) - moved(-1)) / (2 * STEP)
+        used = [np.flatnonzero(np.abs(change[:, j]).max(axis=0)) for j in range(self.joints)]
+        return {j: (k, np.ascontiguousarray(change[:, j, k])) for j, k in enumerate(used) if len(k)}
+
+    def target(self, joint: int, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A joint's filtered torque tau (n, 1) less what is known of it, and its slope, both (m,)."""
+        y, slope = _targets(self.motion, self.rows, tau, self.given[[joint]])
+        return y[0], slope[0]
+
+    def sign(self, joint: int, law: FrictionLaw) -> np.ndarray:
+        """The joint's smooth sign (m,), filtered."""
+        return self.rows.filtered(law(self.motion.dq[:, [joint]]), sharp=True)[:, 0]
+
+
+def formulate(recording: Recording, motion: SmoothedMotion, rows: FitRows) -> Setting:
+    """The regression problem of the recording's device."""
+    device, columns = recording.device, recording.description.columns
+    body = rigid_body(device, motion, columns)
+    sharp = device.recorded_columns
+    given = rows.filtered(body.known, sharp).T
+    y, slope = _targets(motion, rows, motion.tau, given)
+    return Setting(
+        device=device,
+        motion=motion,
+        rows=rows,
+        body=body,
+        linear=np.stack([rows.filtered(body.columns[:, j], sharp) for j in range(motion.joints)]),
+        viscous=rows.filtered(motion.dq, False).T,
+        given=given,
+        y=y,
+        slope=slope,
+        use=rows.moving.T.copy(),
+        units=columns.other,
+    )
+
+
+def _targets(
+    motion: SmoothedMotion, rows: FitRows, tau: np.ndarray, given: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    return rows.filtered(tau, False).T - given, rows.filtered(motion.rate(tau), False).T

@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from cosim.measured.layout import COMMENT, DECIMAL_COMMA, SEPARATORS, TextLayout
 from cosim.measured.stamps import EXACT
 from cosim.measured.table import LazyColumns, RawTable
 
+EMPTY = """ NA N/A #N/A NaN nan null NULL None -nan -NaN nan(ind) -nan(ind) -""".split(" ")  # cells without a value
 PIECE = 1 << 22  # characters that are rewritten at a time
 
 
@@ -62,7 +64,7 @@ def _short(layout: TextLayout, names: list[str]) -> dict[str, tuple[str, ...]]:
     return {other: tuple(meant) for other, meant in found.items()}
 
 
-def _read(path: Path, layout: TextLayout) -> tuple:
+def _read(path: Path, layout: TextLayout) -> tuple[Any, list[str]]:
     """The arrow table; a column that turns out to hold text further down is read again as text."""
     types = _types(layout)
     for attempt in range(5):
@@ -113,22 +115,7 @@ def _csv(path: Path, layout: TextLayout, types: list[str], bad: list[tuple[int, 
                 decimal_point=layout.decimal,
                 strings_can_be_null=True,
                 quoted_strings_can_be_null=True,
-                null_values=[
-                    "",
-                    "NA",
-                    "N/A",
-                    "#N/A",
-                    "NaN",
-                    "nan",
-                    "null",
-                    "NULL",
-                    "None",
-                    "-nan",
-                    "-NaN",
-                    "nan(ind)",
-                    "-nan(ind)",
-                    "-",
-                ],
+                null_values=EMPTY,
             ),
         )
 

@@ -14,7 +14,10 @@ from cosim.measured.layout import COMMENT, DECIMAL_COMMA, SEPARATORS, TextLayout
 from cosim.measured.stamps import EXACT
 from cosim.measured.table import LazyColumns, RawTable
 
-EMPTY = """ NA N/A #N/A NaN nan null NULL None -nan -NaN nan(ind) -nan(ind) -""".split(" ")  # cells without a value
+EMPTY = (  # cells without a value
+    *("", "-", "NA", "N/A", "#N/A", "null", "NULL", "None"),
+    *("NaN", "nan", "-nan", "-NaN", "nan(ind)", "-nan(ind)"),
+)
 PIECE = 1 << 22  # characters that are rewritten at a time
 
 
@@ -115,7 +118,7 @@ def _csv(path: Path, layout: TextLayout, types: list[str], bad: list[tuple[int, 
                 decimal_point=layout.decimal,
                 strings_can_be_null=True,
                 quoted_strings_can_be_null=True,
-                null_values=EMPTY,
+                null_values=list(EMPTY),
             ),
         )
 

@@ -51,7 +51,8 @@ def _dataset(path: Path, name: str) -> Reader:
 
         try:
             with h5py.File(path, "r") as file:
-                return np.asarray(file[name][()])
+                thing: Any = file[name]
+                return np.asarray(thing[()])
         except (OSError, KeyError, RuntimeError) as error:
             raise InputError(Problem(f"{path}: {name}", "an array that can be read", str(error)[:300])) from None
 
@@ -63,7 +64,8 @@ def _element(path: Path, name: str, k: int) -> Reader:
         import h5py
 
         with h5py.File(path, "r") as file:
-            return np.asarray(file[name][:, k], float)
+            thing: Any = file[name]
+            return np.asarray(thing[:, k], float)
 
     return read
 
@@ -174,4 +176,5 @@ def _words(path: Path, places: list[str]) -> np.ndarray:
     import h5py
 
     with h5py.File(path, "r") as file:
-        return np.array(["".join(map(chr, file[place][()].flatten().tolist())) for place in places])
+        things: list[Any] = [file[place] for place in places]
+        return np.array(["".join(map(chr, thing[()].flatten().tolist())) for thing in things])

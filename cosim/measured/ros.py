@@ -248,8 +248,8 @@ def _is_words(value) -> bool:
 
 
 def _words(row: Row) -> tuple[str, ...]:
-    names = row.get("name")
-    return tuple(names) if isinstance(names, list | tuple) and _is_words(names) else ()
+    names: Any = row.get("name")
+    return tuple(names) if _is_words(names) else ()
 
 
 def _width(value) -> int:

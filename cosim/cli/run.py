@@ -74,7 +74,7 @@ class RunMeter:
         self.name = name
         self.bar: Any = None
         self.task: Any = None
-        self.last = 0
+        self.last: int = 0
 
     def __enter__(self) -> "Callable[[RunProgress], None] | None":
         if not sys.stderr.isatty():

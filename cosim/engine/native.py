@@ -7,6 +7,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping, Sequence
 from ctypes import c_char_p, c_double, c_int64, c_void_p
+from typing import Any
 
 import numpy as np
 
@@ -71,11 +72,13 @@ class Arena:
     def __init__(self) -> None:
         self.kept: list[object] = []
 
-    def structures(self, array: ctypes.Array) -> int:
+    def structures(self, array: ctypes.Array[Any]) -> int:
+        """An array of C structures."""
         self.kept.append(array)
         return ctypes.addressof(array)
 
     def array(self, array: np.ndarray) -> int:
+        """An array of numpy as it lies."""
         self.kept.append(array)
         return array.ctypes.data
 
@@ -86,10 +89,12 @@ class Arena:
         whole[skip : skip + values.size] = values.ravel()
         return self.array(whole) + 8 * skip
 
-    def indices(self, values) -> int:
+    def indices(self, values: Sequence[int] | np.ndarray) -> int:
+        """A copy as 64-bit integers."""
         return self.array(np.ascontiguousarray(values, dtype=np.int64))
 
     def pointers(self, addresses: Sequence[int]) -> int:
+        """Addresses as an array of pointers."""
         return self.array(np.array(addresses, dtype=np.uintp))
 
     def phases(self, phases: Sequence[Phase], columns: np.ndarray, step_ns: int) -> int:

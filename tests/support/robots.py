@@ -14,6 +14,7 @@ from cosim.arm.serial import SerialModel
 from cosim.arm.serial_table import arm_values
 from cosim.arm.urdf import read_urdf
 from tests.support.model_harness import CompiledModel
+from tests.support.needs import require
 
 ROBOTS = {
     "panda": "panda_description/urdf/panda.urdf",

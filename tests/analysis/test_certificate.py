@@ -156,3 +156,14 @@ def test_bad_grids_name_every_problem():
     with pytest.raises(InputError) as error:
         DelayGrid([0, 5, 3], [[0, 4], [0, 4, 4], [0, 5]])
     assert len(error.value.problems) == 3
+
+
+def test_sides_that_differ_have_a_multiplier_each():
+    """A hand on the local side: proven beyond the delay sum, for independent laws, with two multipliers."""
+    pytest.importorskip("cvxpy")
+    from cosim.stability.multiplier import certify
+
+    held = attrs.evolve(SIDE, ground_stiffness=0.5, ground_damping=0.05)
+    found = certify(axis_loop(held, SIDE, STEP), uniform_grid(420, 8))
+    assert found is not None and found.uses == (0, 1)
+    assert verify(found).holds

@@ -14,6 +14,7 @@ from cosim.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
     from cosim.api.exporting import export
+    from cosim.api.inspecting import inspect
     from cosim.api.loops import StabilityResult, stability
     from cosim.api.recordings import ClosureResult, IdentificationResult, close_loop, identify, read
     from cosim.api.robots import RobotResult, robot
@@ -39,6 +40,7 @@ __all__ = [
     "close_loop",
     "export",
     "identify",
+    "inspect",
     "load",
     "open_result",
     "read",
@@ -50,6 +52,7 @@ __all__ = [
 
 _HOMES = {
     "cosim.api.exporting": ("export",),
+    "cosim.api.inspecting": ("inspect",),
     "cosim.api.loops": ("StabilityResult", "stability"),
     "cosim.api.recordings": ("ClosureResult", "IdentificationResult", "close_loop", "identify", "read"),
     "cosim.api.robots": ("RobotResult", "robot"),

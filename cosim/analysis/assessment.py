@@ -90,7 +90,7 @@ class _LoopValues:
         return np.array([self.wiring.start(self.name, element) for element in self.description.elements(name)])
 
     def item(self, name: str) -> str:
-        return self.description.variables[name].items[int(self.vector(name)[0]) - 1]
+        return self.description.variables[name].item(self.vector(name)[0])
 
 
 def coupling(pair: tuple[CoupledSide, CoupledSide]) -> Coupling:

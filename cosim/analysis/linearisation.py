@@ -181,7 +181,7 @@ def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
     def value(key: str) -> float:
         return wiring.start(name, key)
 
-    law = wiring.descriptions[name].variables["law"].items[int(value("law")) - 1]
+    law = wiring.descriptions[name].variables["law"].item(value("law"))
     loses = value("loss_good") > 0 or (value("loss_bad") > 0 and value("loss_to_bad") > 0)
     if law == "constant":
         mean = value("delay_mean")

@@ -26,6 +26,7 @@ COMMANDS = {
     "close-loop": "residual, missing effect, effect added, error before and after",
     "arm": "the arm itself: workspace, dissect, counterbalance",
     "robot": "any serial arm from its URDF: FMU, robot.json, report.html",
+    "fmu": "what an FMU holds and needs",
     "export": "FMUs and the wired system for other tools",
 }
 

@@ -42,6 +42,8 @@ def command(
     folder = made(out or Path("results") / chosen.name)
     with RunMeter(chosen.name) as progress:
         result = cosim.run(chosen, progress=progress)
+    for message in result.raw.messages:
+        _say(f"warning: {message}")
     try:
         result.save(folder, export=[kind.value for kind in export or ()], report=report)
     finally:

@@ -81,7 +81,7 @@ def _starts(wiring: "Wiring", name: str) -> str:
 
 def _values(variable: "Variable", values: list[float | str]) -> str:
     if variable.items:
-        return variable.items[int(values[0]) - 1]
+        return variable.item(values[0])
     texts = [f"{v:g}" if isinstance(v, (int, float)) else str(v) for v in values]
     text = texts[0] if len(set(texts)) == 1 else "(" + " ".join(texts) + ")"
     return f"{text} {variable.unit.name}".rstrip() if variable.unit.name != "1" else text

@@ -57,6 +57,10 @@ class NativeOperation(ctypes.Structure):
         ("weight", c_void_p),
         ("span", c_void_p),
         ("size", c_double),
+        ("n_scaled", c_int64),
+        ("scaled", c_void_p),
+        ("gain", c_void_p),
+        ("shift", c_void_p),
     ]
 
 
@@ -117,6 +121,7 @@ class Arena:
             return NativeOperation(kind=_STEP, component=operation.component, size=seconds(operation.multiple, step_ns))
         if isinstance(operation, GetOutputs):
             return NativeOperation(kind=_GET, component=operation.component)
+        assert isinstance(operation, SetInputs), "texts are carried in Python"
         return self._set(operation)
 
     def _set(self, o: SetInputs) -> NativeOperation:
@@ -132,4 +137,8 @@ class Arena:
             older=self.indices(o.older),
             weight=self.array(o.weight),
             span=self.array(o.span),
+            n_scaled=len(o.scaled),
+            scaled=self.indices(o.scaled),
+            gain=self.array(o.gain),
+            shift=self.array(o.shift),
         )

@@ -44,6 +44,8 @@ def _check_experiment(scenario: ScenarioParts, where: str) -> list[Problem]:
         )
     if e.seed < 0:
         problems.append(Problem(f"{where}.seed", "0 or more", str(e.seed)))
+    if e.tolerance is not None and not (math.isfinite(e.tolerance) and e.tolerance > 0):
+        problems.append(Problem(f"{where}.tolerance", "a positive number", str(e.tolerance)))
     if e.fmi not in (2, 3):
         problems.append(Problem(f"{where}.fmi", "2 or 3", str(e.fmi)))
     for name in e.order:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.parts import Algorithm, Connection, Extrapolation
+from cosim.scenario.parts import Algorithm, Connection, Conversion, Extrapolation, FmuLogging
 from cosim.signals import Signal
 
 Record = TypeVar("Record", bound=AttrsInstance)
@@ -69,13 +69,17 @@ def _converter():
     converter.register_structure_hook(float, lambda value, _: float(_strict(value, (int, float), "a number")))
     converter.register_structure_hook(int, lambda value, _: _strict(value, int, "a whole number"))
     converter.register_structure_hook(str, lambda value, _: _strict(value, str, "text"))
+    converter.register_structure_hook(bool, lambda value, _: _strict(value, bool, "true or false"))
     converter.register_structure_hook(
         str | None, lambda value, _: None if value is None else _strict(value, str, "text")
+    )
+    converter.register_structure_hook(
+        float | None, lambda value, _: None if value is None else float(_strict(value, (int, float), "a number"))
     )
     converter.register_structure_hook_func(
         lambda kind: kind == Mapping[str, object], lambda value, _: dict(_strict(value, dict, "a table"))
     )
-    for kind in (Algorithm, Extrapolation):
+    for kind in (Algorithm, Extrapolation, FmuLogging):
         converter.register_structure_hook(kind, _member)
     return converter
 
@@ -119,7 +123,7 @@ def _key(error: Exception) -> str:
     return f".{error.args[0]}" if isinstance(error, KeyError) and error.args else ""
 
 
-_WIRE = re.compile(r"^\s*(?P<source>[^\s]+)\s*->\s*(?P<target>[^\s]+)\s*$")
+_WIRE = re.compile(r"^\s*(?P<source>\S.*?)\s*->\s*(?P<target>\S.*?)(\s+\((?P<wish>\w+)\))?\s*$")
 
 
 def connections_of(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
@@ -131,6 +135,11 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
         if match is None or not all("." in match[end] for end in ("source", "target")):
             problems.append(Problem(place, "'component.output -> component.input'", repr(entry)))
             continue
+        wishes = [conversion.value for conversion in Conversion]
+        if match["wish"] is not None and match["wish"] not in wishes:
+            advice = did_you_mean(match["wish"], wishes)
+            problems.append(Problem(place, f"({') or ('.join(wishes)})", f"({match['wish']})", advice))
+            continue
         ends = [Signal(*match[end].split(".", 1)) for end in ("source", "target")]
         strangers = [end for end in ends if end.component not in known]
         problems += [
@@ -140,5 +149,5 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
             for s in strangers
         ]
         if not strangers:
-            found.append(Connection(*ends))
+            found.append(Connection(*ends, Conversion(match["wish"]) if match["wish"] else None))
     return tuple(found)

@@ -64,7 +64,7 @@ class LaneComponent:
 
     def choice(self, name: str) -> str:
         """Start value of an enumeration, in words."""
-        return self.description.variables[name].items[int(self.number(name)) - 1]
+        return self.description.variables[name].item(self.number(name))
 
     def places(self, names: Sequence[str]) -> list[int]:
         """Where variables lie in the struct of the model: their value references."""

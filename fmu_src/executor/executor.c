@@ -55,7 +55,10 @@ enum { SET_INPUTS, SET_SLOPES, GET_OUTPUTS, DO_STEP }; /* which call of an insta
     FIELD(Call, reset) FIELD(Setup2, setup2) FIELD(Call, enter2) FIELD(Enter3, enter3) FIELD(Call, leave) \
     FIELD(const Bank *, banks) FIELD(int64_t, n_banks) \
     FIELD(const int64_t *, source) /* places in the store of the instance's inputs */ \
-    FIELD(int64_t, fresh)
+    FIELD(int64_t, fresh) \
+    FIELD(const int64_t *, scaled) /* whether an input's unit is turned into another: input = gain output + shift */ \
+    FIELD(const double *, gain) FIELD(const double *, shift) \
+    FIELD(double, tolerance) FIELD(double, stop) /* NaN where none is told; stop in s */
 
 /* A run. */
 #define JOB(FIELD) \
@@ -65,7 +68,7 @@ enum { SET_INPUTS, SET_SLOPES, GET_OUTPUTS, DO_STEP }; /* which call of an insta
     FIELD(double *, table) FIELD(int64_t, n_columns) /* [rows][n_columns] */ \
     FIELD(int64_t, every) \
     FIELD(int64_t, row_start) /* first row that the table holds */ \
-    FIELD(double, step_ns) FIELD(double, bound) \
+    FIELD(double, step_ns) FIELD(const double *, bounds) /* [n_outputs] */ \
     FIELD(const int64_t *, domain) FIELD(int64_t, n_domain) \
     FIELD(int64_t *, mark) /* [2]: steps completed, component at work; true at any time, should an FMU crash */ \
     FIELD(int64_t, call) FIELD(int64_t, status) /* answers: of the call of that component that did not return 0 or 1 */
@@ -96,6 +99,11 @@ static int hand_over(Instance *s, Job *job) {
                       : s->set3(s->instance, s->slope_refs, (size_t)s->n_slopes, s->slopes, (size_t)s->n_slopes);
 }
 
+/* inputs[scaled] = gain inputs[scaled] + shift: from the unit of the output to that of the input. */
+static void convert(Instance *s, int64_t n, const int64_t *scaled, const double *gain, const double *shift) {
+    for (int64_t i = 0; i < n; i++) s->inputs[scaled[i]] = gain[i] * s->inputs[scaled[i]] + shift[i];
+}
+
 static int set_inputs(Instance *s, const Operation *o, const double *store, Job *job) {
     for (int64_t i = 0; i < o->n_source; i++) s->inputs[i] = store[o->source[i]];
     for (int64_t i = 0; i < o->n_line; i++) {
@@ -103,6 +111,7 @@ static int set_inputs(Instance *s, const Operation *o, const double *store, Job 
         if (o->inside) s->inputs[o->line[i]] += o->weight[i] * rise;
         s->slopes[i] = rise / o->span[i];
     }
+    convert(s, o->n_scaled, o->scaled, o->gain, o->shift);
     return hand_over(s, job);
 }
 
@@ -135,7 +144,7 @@ static int step_instance(Instance *s, double time, double size, Job *job) {
 
 static int within_bounds(const Job *job) {
     int beyond = 0;
-    for (int64_t i = 0; i < job->n_outputs; i++) beyond |= !(fabs(job->store[i]) <= job->bound);
+    for (int64_t i = 0; i < job->n_outputs; i++) beyond |= !(fabs(job->store[i]) <= job->bounds[i]);
     if (beyond) return 0;
     for (int64_t i = 0; i < job->n_domain; i++)
         if (job->store[job->domain[i]] < 1.0) return 0;
@@ -157,8 +166,10 @@ static int start(const Instance *s, const Start *how) {
                                    : b->set3(s->instance, b->refs, (size_t)b->n, b->values, (size_t)b->n);
         if (status > 1) return 0;
     }
-    if (how->enter3) return how->enter3(s->instance, 0, 0.0, 0.0, 0, 0.0) <= 1;
-    return how->setup2(s->instance, 0, 0.0, 0.0, 0, 0.0) <= 1 && how->enter2(s->instance) <= 1;
+    const int judged = !isnan(how->tolerance), ends = !isnan(how->stop);
+    const double tolerance = judged ? how->tolerance : 0.0, stop = ends ? how->stop : 0.0;
+    if (how->enter3) return how->enter3(s->instance, judged, tolerance, 0.0, ends, stop) <= 1;
+    return how->setup2(s->instance, judged, tolerance, 0.0, ends, stop) <= 1 && how->enter2(s->instance) <= 1;
 }
 
 /* All outputs into the store: 1 where all is as before, 0 where not, -1 where an instance refuses. */
@@ -191,7 +202,8 @@ EXPORTED int initialise(Job *job, const Start *starts, int64_t n_instances) {
             Instance *s = job->instances + i;
             int news = !round;
             for (int64_t k = 0; k < s->n_inputs; k++) {
-                const double value = job->store[starts[i].source[k]];
+                double value = job->store[starts[i].source[k]];
+                if (starts[i].scaled && starts[i].scaled[k]) value = starts[i].gain[k] * value + starts[i].shift[k];
                 news = news || value != s->inputs[k];
                 s->inputs[k] = value;
             }

@@ -8,13 +8,15 @@ enum { SET, STEP, GET }; /* kinds of operation */
 
 /* clang-format off */
 
-/* An operation. SET: source (all inputs), then along lines. STEP: over `size` seconds. */
+/* An operation. SET: source (all inputs), then along lines, then gain and shift. STEP: over `size` seconds. */
 #define OPERATION(FIELD) \
     FIELD(int64_t, kind) FIELD(int64_t, component) \
     FIELD(int64_t, n_source) FIELD(int64_t, n_line) FIELD(int64_t, inside) \
     FIELD(const int64_t *, source) FIELD(const int64_t *, line) FIELD(const int64_t *, newer) FIELD(const int64_t *, older) \
     FIELD(const double *, weight) FIELD(const double *, span) \
-    FIELD(double, size) /* s */
+    FIELD(double, size) /* s */ \
+    FIELD(int64_t, n_scaled) /* inputs whose unit is turned into another one (the executor; the kernel's have none) */ \
+    FIELD(const int64_t *, scaled) FIELD(const double *, gain) FIELD(const double *, shift)
 
 /* A communication step: operations, and the places that its row is taken from. */
 #define PHASE(FIELD) \

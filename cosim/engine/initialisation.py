@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cosim.engine.reference import marked
+from cosim.engine.rounding import kept
 from cosim.fmu.contract import Instance
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import Schedule
@@ -27,6 +28,18 @@ def initialise(wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray |
     """
     schedule, mark = wiring.schedule, marked() if mark is None else mark
     wired(wiring, instances)
+    with kept():
+        store = _started(wiring, instances, schedule, mark)
+    store[schedule.outputs :] = store[: schedule.outputs]
+    return store
+
+
+def strangers(wiring: Wiring) -> frozenset[int]:
+    """Numbers of the components whose FMUs others have built."""
+    return frozenset(k for k, one in enumerate(wiring.scenario.components.values()) if one.fmu is not None)
+
+
+def _started(wiring: Wiring, instances: Sequence[Instance], schedule: Schedule, mark: np.ndarray) -> np.ndarray:
     for instance in _at_work(instances, mark):
         instance.slopes[:] = 0.0
         instance.start(wiring.starts[instance.name])
@@ -45,7 +58,6 @@ def initialise(wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray |
     for instance in _at_work(instances, mark):
         instance.begin()
     _collect(schedule, instances, store, mark)
-    store[schedule.outputs :] = store[: schedule.outputs]
     return store
 
 
@@ -63,7 +75,8 @@ def _at_work(instances: Sequence[Instance], mark: np.ndarray) -> Iterator[Instan
     """The instances one after another, each marked as the one at work."""
     for number, instance in enumerate(instances):
         mark[1] = number
-        yield instance
+        with kept():
+            yield instance
 
 
 def _collect(schedule: Schedule, instances: Sequence[Instance], store: np.ndarray, mark: np.ndarray) -> None:

@@ -15,9 +15,10 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.engine.compiled import CompiledExecutor
-from cosim.engine.initialisation import initialise
+from cosim.engine.initialisation import initialise, strangers
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, Executor, RunProgress, Watch, marked
+from cosim.engine.rounding import kept
 from cosim.engine.table import SignalColumns, SignalTable, stacked
 from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.fmu.contract import Instance
@@ -130,7 +131,8 @@ class PreparedRun:
     @classmethod
     def of(cls, system: System, wiring: Wiring, record: Sequence[str] | None) -> PreparedRun:
         """What the system remembers, for this wiring, or a new one."""
-        instances, known = system.instances(wiring), system.prepared
+        with kept():
+            instances, known = system.instances(wiring), system.prepared
         key = None if record is None else tuple(record)
         found = known.get(key)
         if isinstance(found, PreparedRun) and found.wiring.schedule is wiring.schedule and found.instances is instances:
@@ -163,6 +165,7 @@ class PreparedRun:
             Watch(self.domain, experiment.bound),
             rows.drop,
             mark,
+            strangers(wiring),
         )
         return (executor or self.compiled)(job, progress)
 

@@ -33,11 +33,11 @@ class Bank:
     def set(self, checker: StatusChecker) -> None:
         if not self.shared:
             self.buffer[:] = self.array
-        if (status := self.call()) > 1:
+        if not 0 <= (status := self.call()) <= 1:
             checker.check(status, self.what)
 
     def get(self, checker: StatusChecker) -> None:
-        if (status := self.call()) > 1:
+        if not 0 <= (status := self.call()) <= 1:
             checker.check(status, self.what)
         if not self.shared:
             self.array[:] = self.buffer

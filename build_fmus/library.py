@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from build_fmus.cache import cache_folder, key_of, store, workspace
+from build_fmus.cache import cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, compile_library, find_compiler, this_platform
+from build_fmus.scratch import workspace
 from build_fmus.sources import source_root
 
 

@@ -195,6 +195,8 @@ class RunResult:
     def save(self, folder: str | Path, *, export: Iterable[str] = (), report: bool = True) -> Path:
         """Write result.h5, report.html and summary.json, the last when all else is there; returns the folder.
 
+        What an earlier run has left there goes first.
+
         export: further files, "csv" or "mat". Raises OSError where a file cannot be written; the others are written.
         """
         folder = Path(folder)
@@ -209,7 +211,7 @@ class RunResult:
         if report and self.judged is not None:
             files["report.html"] = partial(_write_page, self.judged)
         files["summary.json"] = lambda path: write_json(self.summary, path)
-        save_files(folder, files)
+        save_files(folder, files, [f"result.{ending}" for ending in EXPORTS] + ["report.html"])
         return folder
 
     def __str__(self) -> str:

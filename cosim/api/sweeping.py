@@ -134,7 +134,7 @@ class SweepTable:
         }
         if report:
             files["report.html"] = self._write_page
-        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)})
+        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)}, ["report.html"])
         return folder
 
     def _write_page(self, path: Path) -> Path:

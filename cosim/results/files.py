@@ -6,7 +6,8 @@ scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,16 @@ from cosim.engine.master import Identity, Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import blocks
 from cosim.errors import InputError, Problem
+from cosim.results.disk import DiskFile
 from cosim.results.provenance import provenance
+from cosim.results.saving import whole
 from cosim.scenario import load_text, to_toml
 from cosim.signals import grouped
 
 FORMAT = 1
+_BESIDE = 2048  # bytes of a signal beside its values
+_DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, MemoryError, InputError)
+"""What h5py and our own readers say of a file that is none of ours, or no longer."""
 
 
 def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str] | None = None) -> Path:
@@ -31,16 +37,23 @@ def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str]
     import h5py
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(partial, "w") as file:
-            _write(file, result)
-            file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with _whole(path, 8 * len(result.time) * (1 + len(result.signals)) + _BESIDE * (8 + len(result.signals))) as file:
+        _write(file, result)
+        file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
     return path
+
+
+@contextmanager
+def _whole(path: Path, size: int, **options: Any) -> Iterator[Any]:
+    """An HDF5 file to write about `size` bytes to, complete or not there. Raises OSError (disk full, not writable)."""
+    import h5py
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole(path) as partial, DiskFile(partial, size) as disk:
+        with h5py.File(disk, "w", **options) as file:
+            yield file
+        if disk.error is not None:
+            raise disk.error
 
 
 def _write(file: Any, result: Result) -> None:
@@ -74,8 +87,12 @@ def read_starts(path: Path | str) -> dict[str, float | str]:
     try:
         with h5py.File(path, "r") as file:
             return _starts(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
+
+
+def _said(error: Exception) -> str:
+    return f"one that is damaged ({type(error).__name__}: {error})"
 
 
 def _starts(file: Any) -> dict[str, float | str]:
@@ -89,8 +106,8 @@ def read_h5(path: Path | str) -> Result:
     try:
         with h5py.File(path, "r") as file:
             return _read(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
 
 
 def _read(file: Any) -> Result:  # h5py's types do not know that a member is a group
@@ -121,7 +138,7 @@ def export_csv(result: Result, path: Path | str) -> Path:
     """Write the signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, a line per row, 17 digits."""
     path = Path(path)
     header = ",".join(["time [s]"] + [f"{name} [{result.units[name]}]" for name in result.signals])
-    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+    with whole(path) as partial, open(partial, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(header + "\n")
         for first, values in blocks(result.signals):
             stream.writelines(
@@ -141,7 +158,9 @@ def export_mat(result: Result, path: Path | str) -> Path:
         signals.setdefault(component, {})[variable] = np.column_stack([result.signals[e] for e in elements])
         units.setdefault(component, {})[variable] = result.units[elements[0]]
     content = {"time": result.time[:, None], "signals": signals, "units": units, "outcome": result.outcome.value}
-    savemat(path, content | {"scenario": to_toml(result.scenario)}, long_field_names=True, do_compression=True)
+    content["scenario"] = to_toml(result.scenario)
+    with whole(Path(path)) as partial, open(partial, "wb") as stream:
+        savemat(stream, content, long_field_names=True, do_compression=True)
     return Path(path)
 
 
@@ -159,20 +178,15 @@ def write_table(
     import h5py
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(partial, "w", track_order=True) as file:
-            file.attrs.update({"format": FORMAT, **attributes})
-            group = file.create_group("columns", track_order=True)
-            for name, values in columns.items():
-                text = any(isinstance(value, str) for value in values)
-                data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
-                if name in units:
-                    data.attrs["unit"] = units[name]
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    size = sum(16 + len(value) if isinstance(value, str) else 8 for values in columns.values() for value in values)
+    with _whole(path, size + _BESIDE * (4 + len(columns)), track_order=True) as file:
+        file.attrs.update({"format": FORMAT, **attributes})
+        group = file.create_group("columns", track_order=True)
+        for name, values in columns.items():
+            text = any(isinstance(value, str) for value in values)
+            data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
+            if name in units:
+                data.attrs["unit"] = units[name]
     return path
 
 
@@ -183,8 +197,8 @@ def read_table(path: Path | str) -> dict[str, list[float | str]]:
     try:
         with h5py.File(path, "r") as file:
             return _columns(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a table of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a table of cosim", _said(error))) from None
 
 
 def _columns(file: Any) -> dict[str, list[float | str]]:

@@ -4,7 +4,7 @@ once.
 format = 1
 title = "..."            description = "..."
 scenario = "sallam-nodelay"
-evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation), "module:function"
+evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation); own: --evaluator FILE.py
 [set]                             # fixed values, paths as in --set
 "experiment.stop" = 40.0
 [[axes]]
@@ -176,6 +176,7 @@ _DESIGNS: dict[str, type[Design]] = {
     "level_set": LevelSet,
 }
 _MOST_POINTS = 1_000_000
+EVALUATOR_NAMES = ("simulation", "cosimulation", "spectrum")
 CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
 
 
@@ -261,6 +262,10 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     problems += _axis_problems(axes, path.name)
     if not problems and design is not None:
         problems += _design_problems(design, axes, path.name)
+    if (evaluator := body.get("evaluator", "simulation")) not in EVALUATOR_NAMES:
+        advice = did_you_mean(str(evaluator), EVALUATOR_NAMES) or "name a file of your own with --evaluator FILE.py"
+        expected = " or ".join(map(repr, EVALUATOR_NAMES))
+        problems.append(Problem(f"{path.name}: evaluator", expected, repr(evaluator), advice))
     if "scenario" not in body:
         problems.append(Problem(f"{path.name}: scenario", "the name of a scenario", "nothing"))
     if unknown := [c for c in body.get("curves", ()) if c not in CURVES]:

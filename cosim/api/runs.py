@@ -102,8 +102,18 @@ def open_result(folder: str | Path) -> RunResult:
             Problem(str(folder), "a folder with a result.h5 of `cosim run`", "none", "run a scenario first")
         )
     beside = file.with_name("summary.json")
-    found = json.loads(beside.read_text(encoding="utf-8")) if beside.is_file() else {}
-    return RunResult(read_h5(file), found, read_starts(file))
+    return RunResult(read_h5(file), _read_json(beside) if beside.is_file() else {}, read_starts(file))
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    """A summary.json. Raises InputError where it is damaged."""
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(Problem(str(file), "the summary of a run", f"one that is damaged ({error})")) from None
+    if not isinstance(found, dict):
+        raise InputError(Problem(str(file), "the summary of a run", "something else"))
+    return found
 
 
 def _write_page(judged: Judged, path: Path) -> Path:

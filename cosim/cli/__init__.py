@@ -125,12 +125,16 @@ def _register(app: "typer.Typer", name: str, debug: bool) -> None:
 
 def guarded(function: Callable[..., object], debug: bool) -> Callable[..., object]:
     """The command with its exceptions as messages and exit codes; tracebacks pass only with `debug`."""
-    from cosim.errors import InputError, RunError
+    from cosim.errors import InputError, Problem, RunError
 
     @wraps(function)
     def command(*args, **options):
         try:
             return function(*args, **options)
+        except RecursionError:
+            if debug:
+                raise
+            _leave(InputError(Problem("a file", "less than a thousand lists in one another", "more")), 2)
         except Exception as error:
             if debug:
                 raise

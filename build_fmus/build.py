@@ -6,12 +6,13 @@ from pathlib import Path
 from attrs import field, frozen
 
 from build_fmus.archive import zip_bytes
-from build_fmus.cache import builder_code, cache_folder, key_of, store, workspace
+from build_fmus.cache import builder_code, cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
 from build_fmus.description import describe
 from build_fmus.documentation import index_html
 from build_fmus.errors import BadRequestError, BuildError
 from build_fmus.header import header
+from build_fmus.scratch import workspace
 from build_fmus.sources import GENERATED, licence, model_files, model_table, models, readme_of
 from build_fmus.table import ModelTable, StartValue, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals

@@ -4,9 +4,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from build_fmus.cache import cache_folder, key_of, store, workspace
+from build_fmus.cache import cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, compile_library, find_compiler, this_platform
 from build_fmus.header import batch_header
+from build_fmus.scratch import workspace
 from build_fmus.sources import model_table, source_root
 
 _STRUCT = re.compile(r'#include "(\w+)_model\.h"')

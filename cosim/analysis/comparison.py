@@ -41,7 +41,7 @@ def compare(
 ) -> tuple[Comparison, LinearLoop]:
     """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
     wiring = system.wiring(scenario)
-    loop = called(partial(linearise, scenario, system), scenario, system, "the loop was linearised")
+    loop = called(partial(linearise, scenario, system), LinearLoop, scenario, system, "the loop was linearised")
     said, family = theory(wiring, loop), loop.family()
     margin = margins(family, max(loop.delays)) if family and loop.delays[0] == loop.delays[1] else None
     limit = boundary(loop) if said.abscissa is not None else None

@@ -72,7 +72,7 @@ class StabilityResult:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page} if report else {}
-        save_files(folder, files | {"stability.json": lambda path: write_json(self.to_dict(), path)})
+        save_files(folder, files | {"stability.json": lambda path: write_json(self.to_dict(), path)}, ["report.html"])
         return folder
 
     def _write_page(self, path: Path) -> Path:

@@ -36,10 +36,10 @@ def command(
 ) -> None:
     """One co-simulation: summary.json, result.h5, report.html."""
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
 
     chosen = prepare(scenario, set_ or [], effects).scenario
-    folder = made(out or Path("results") / chosen.name)
+    folder = made(out or named(chosen.name))
     with RunMeter(chosen.name) as progress:
         result = cosim.run(chosen, progress=progress)
     for message in result.raw.messages:

@@ -23,11 +23,11 @@ def command(
 ) -> None:
     """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html."""
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
     from cosim.cli.run import RunMeter, prepare
 
     chosen, angles = prepare(scenario, set_ or [], effects).scenario, _pose(pose)
-    folder = made(out or Path("results") / f"{chosen.name}-stability")
+    folder = made(out or named(f"{chosen.name}-stability"))
     with RunMeter(chosen.name) as progress:
         found = cosim.stability(chosen, pose=angles, progress=progress)
     found.save(folder, report=report)

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as xml
 
-from cosim.engine.master import run
+from cosim.engine.isolation import runner
 from cosim.errors import RunError
-from cosim.fmu import describe, fmu_file
+from cosim.fmu import describe, fmu_file, open_system
 from cosim.scenario import with_parameters
 from cosim.scenario.ssp import MASTER, VENDOR
 from cosim.signals import FmuDescription, Unit, Variable
@@ -70,7 +70,9 @@ def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: 
 def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
     """The values of each component's wired inputs at t = 0."""
     period = len(wiring.schedule.phases) * wiring.scenario.experiment.step  # s: whole steps of every component
-    first = run(with_parameters(wiring.scenario, {"experiment.stop": period}))
+    brief = with_parameters(wiring.scenario, {"experiment.stop": period})
+    with open_system(brief) as system:
+        first = runner(brief)(brief, system)
     values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}
     for link in wiring.links:
         values[link.target.component][link.target.variable] = float(first.signals[str(link.source)][0])

@@ -30,13 +30,11 @@ from cosim.results.summary import tracking
 from cosim.scenario import Scenario, load_scenario, to_toml, with_parameters
 from cosim.signals import stem
 from cosim.sweeps.points import Point, PointResult
-from cosim.sweeps.pool import Task
-from cosim.sweeps.spec import SCENARIO
+from cosim.sweeps.pool import OWN, Task
+from cosim.sweeps.spec import EVALUATOR_NAMES, SCENARIO
 from cosim.wiring import Wiring
 
-EVALUATORS: Mapping[str, str] = {
-    name: f"cosim.sweeps.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")
-}
+EVALUATORS: Mapping[str, str] = {name: f"{OWN}:{name}" for name in EVALUATOR_NAMES}
 """Evaluators by the short names that a sweep's file uses."""
 _RECORDED = ("q", "dq", "x", "saturated")
 _REPLAY_EVERY = 200
@@ -74,10 +72,9 @@ def _loaded(name: str, effects: str | None) -> tuple[Scenario, FmuSet]:
 def check(task: Task, point: Point) -> str:
     """How the points will be run, in words. Raises InputError where `point`, the first, does not fit the scenario."""
     wiring = setup(task, point).wiring
-    if not task.evaluator.endswith(":simulation"):
-        return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
-            task.evaluator.partition(":")[2], task.evaluator
-        )
+    others = {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}
+    if task.evaluator != EVALUATORS["simulation"]:
+        return next((said for name, said in others.items() if task.evaluator == EVALUATORS[name]), task.evaluator)
     reason = _refusal(wiring)
     return (
         "batch kernel (same bits as the co-simulation)"

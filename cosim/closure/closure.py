@@ -21,6 +21,7 @@ from cosim.closure.score.selection import Rule, Selection, polished, select
 from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
 from cosim.measured import Label, Recording
+from cosim.measured.rates import at_one_rate
 
 if TYPE_CHECKING:
     from cosim.closure.replay import Replay
@@ -67,6 +68,7 @@ def close_loop(recording: Recording, options: Options = Options()) -> Closure:
     """Find the effects that the complete model lacks, add them, compare held-out errors before and after."""
     progress = options.progress
     progress("smoothing and differentiating")
+    recording = at_one_rate(recording)
     motion = prepare(recording)
     rows = thinned(motion)
     refusals = motion_refusals(motion, rows)

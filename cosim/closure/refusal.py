@@ -12,6 +12,7 @@ SHORTEST = 4.0  # s of fitted rows
 FEWEST_BLOCKS = 8
 STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to be seen
 INERTIA = 0.01  # least share of the torque that is due to inertia there
+MOST_CLIPPED = 0.5  # share of rows, above which the rest is no sample of the motion
 EXACT = 1e-4  # residual as a share of the torque that is too small for a measurement
 
 
@@ -35,7 +36,10 @@ def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
                 f"blocks and {SHORTEST:g} s are needed",
             )
         )
-    still = [j for j in range(motion.joints) if not _moves(motion, rows, j)]
+    clipped = np.zeros(motion.joints) if motion.clipped is None else motion.clipped.mean(axis=0)
+    cut = [j for j in range(motion.joints) if clipped[j] > MOST_CLIPPED]
+    out += [Refusal(j + 1, f"the torque is clipped in {100 * clipped[j]:.3g} % of the rows") for j in cut]
+    still = [j for j in range(motion.joints) if j not in cut and not _moves(motion, rows, j)]
     if len(still) == motion.joints:
         out.append(Refusal(0, "no joint moves: a residual at rest cannot be traced to an effect of motion"))
     unseen = [j for j in range(motion.joints) if j not in still and not rows.moving[~rows.test, j].any()]

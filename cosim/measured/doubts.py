@@ -5,6 +5,8 @@ data.
 import numpy as np
 
 from cosim.errors import InputError, Problem
+from cosim.measured import plausibility
+from cosim.measured.notes import Notes
 from cosim.measured.recording import Recording, Run
 
 SUSPECT = (
@@ -15,13 +17,25 @@ SUSPECT = (
 )
 
 
-def check(recording: Recording) -> list[str]:
-    """Doubts in words. Raises InputError for a dead channel or a unit that cannot be right."""
+def check(recording: Recording, notes: Notes) -> None:
+    """Tell what is doubtful. Raises InputError for a dead channel or a unit that cannot be right."""
     problems = _constant(recording) + _too_large(recording)
-    velocity_problems, notes = _velocities(recording)
+    velocity_problems, velocities = _velocities(recording)
     if problems + velocity_problems:
         raise InputError(problems + velocity_problems)
-    return notes + _stuck_in_some(recording) + _interleaved(recording) + _filtered(recording) + _outside(recording)
+    found = {
+        "velocity": velocities,
+        "constant": _stuck_in_some(recording),
+        "interleaved": _interleaved(recording),
+        "filtered": _filtered(recording),
+        "outside": _outside(recording),
+        "swapped": plausibility.swapped(recording),
+        "unit": plausibility.fast(recording) + plausibility.runs_apart(recording),
+        "drift": plausibility.drifting(recording),
+    }
+    for kind, texts in found.items():
+        for text in texts:
+            notes(text, kind)
 
 
 def _constant(recording: Recording) -> list[Problem]:

@@ -229,10 +229,21 @@ def test_duplicate_rows_are_dropped_by_name(tmp_path):
     assert len(recording.runs[0]) == 2000
 
 
-def test_coarse_time_stamps_are_an_error(tmp_path):
-    table = arm_columns()
+def test_coarse_time_stamps_are_an_error_where_rows_are_lost(tmp_path):
+    kept = np.sort(np.random.default_rng(4).choice(2000, 1200, replace=False))
+    table = arm_columns()[kept]
     table[:, 0] = np.round(table[:, 0], 2)
     assert "too few digits" in message(lambda: read([write(tmp_path / "a.csv", table)]))
+
+
+def test_coarse_time_stamps_of_even_rows_become_an_even_grid(tmp_path):
+    table = arm_columns()
+    table[:, 0] = np.floor(table[:, 0] * 100 + 1e-6) / 100
+    recording = read([write(tmp_path / "a.csv", table)])
+    warned(recording, "stamps tell when rows arrived")
+    # The line through the 200 steps has their slope to 1 / (2000 * 200) of a step.
+    assert recording.runs[0].step == pytest.approx(STEP, rel=1e-4)
+    assert np.array_equal(recording.runs[0].q, read([write(tmp_path / "b.csv", arm_columns())]).runs[0].q)
 
 
 def test_unsorted_time_is_sorted_by_name(tmp_path):

@@ -66,6 +66,7 @@ class SmoothedMotion:
     other: Mapping[str, np.ndarray]
     angle_noise: np.ndarray
     differentiated: bool  # whether dq, ddq come from q (else they were recorded)
+    clipped: np.ndarray | None = None  # (n, nj) torques at the end of their range
 
     @property
     def joints(self) -> int:
@@ -98,6 +99,7 @@ class SmoothedMotion:
                 "force",
                 "regressor",
                 "rigid",
+                "clipped",
             )
         }
         return rows, evolve(
@@ -185,7 +187,16 @@ def prepare(recording: Recording, widths: Widths | None = None) -> SmoothedMotio
         other={name: stacked(run.other[name] for run in runs) for name in runs[0].other},
         angle_noise=noise,
         differentiated=any(run.dq is None or run.ddq is None for run in runs),
+        clipped=_clipped(runs, stride),
     )
+
+
+def _clipped(runs: Sequence[Run], stride: int) -> np.ndarray | None:
+    """Rows (n, nj) with a clipped torque among their samples; None where no torque was."""
+    if all(run.clipped is None for run in runs):
+        return None
+    marks = [np.zeros(run.tau.shape, bool) if run.clipped is None else run.clipped for run in runs]
+    return np.concatenate([np.logical_or.reduceat(m, np.arange(0, len(m), stride), axis=0) for m in marks])
 
 
 def _common_step(runs: Sequence[Run]) -> float:
@@ -219,9 +230,9 @@ def _derivatives(run: Run, widths: Widths, step: float) -> tuple[np.ndarray, ...
 class FitRows:
     """Thinned rows: which are used for which joint, in which block they lie.
 
-    index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal,
-    nor at an end; block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows;
-    train_blocks their count; searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
+    index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal
+    or a clipped torque, nor at an end; block (m,) number of the contiguous block, blocks of held-out rows after those
+    of fitted rows; train_blocks their count; searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
     """
 
     index: np.ndarray
@@ -256,7 +267,7 @@ def thinned(motion: SmoothedMotion) -> FitRows:
     index = np.concatenate([np.arange(a + every // 2, b, every) for a, b in motion.bounds])
     speed = standstill_speed(motion)
     usable = _usable(motion, index, every)
-    moving = usable[:, None] & ~_near_reversal(motion, index, speed)
+    moving = usable[:, None] & ~_near_reversal(motion, index, speed) & ~_near_clipped(motion, index)
     test = motion.test[index]
     block, train_blocks, blocks, seconds = _blocks(motion, index, test)
     return FitRows(
@@ -305,6 +316,16 @@ def _near_reversal(motion: SmoothedMotion, index: np.ndarray, speed: np.ndarray)
     slow[1:] |= sign[1:] != sign[:-1]
     reach = int(np.ceil(2.5 * motion.widths.total / motion.step))
     return maximum_filter1d(slow.astype(np.uint8), 2 * reach + 1, axis=0)[index] > 0
+
+
+def _near_clipped(motion: SmoothedMotion, index: np.ndarray) -> np.ndarray:
+    """(m, nj): rows whose kernel covers a clipped torque."""
+    from scipy.ndimage import maximum_filter1d
+
+    if motion.clipped is None:
+        return np.zeros((len(index), motion.joints), bool)
+    reach = int(np.ceil(2.5 * motion.widths.total / motion.step))
+    return maximum_filter1d(motion.clipped.astype(np.uint8), 2 * reach + 1, axis=0)[index] > 0
 
 
 def _blocks(motion: SmoothedMotion, index: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, int, int, float]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from cosim.cli.run import DEMONSTRATION
+from cosim.cli.run import DEMONSTRATION, OUTSIDE
 
 
 def command(
@@ -19,13 +19,14 @@ def command(
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     out: Annotated[Path, typer.Option(help="folder to write to")] = Path("export"),
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
     import cosim
     from cosim.cli.folder import made
     from cosim.cli.run import prepare
 
-    chosen = prepare(scenario, set_ or [], effects).scenario
+    chosen = prepare(scenario, set_ or [], effects, allow_outside).scenario
     written = cosim.export(chosen, made(out), platforms=platform, progress=lambda text: print(text, file=sys.stderr))
     print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {out / 'fmi2'} and {out / 'fmi3'}")
     print(f"{written.ssp}: the wired system (SSP 1.0)")

@@ -15,17 +15,12 @@ from cosim.engine.master import run
 from cosim.errors import RunError
 from cosim.fmu import describe, fmu_file
 from cosim.scenario import with_parameters
-from cosim.scenario.ssp import MASTER, VENDOR
+from cosim.scenario.ssp_experiment import MASTER, OMS, OSP, VENDOR
+from cosim.scenario.ssp_grammar import NAMESPACES
 from cosim.signals import FmuDescription, Unit, Variable
 from cosim.wiring import Wiring
 
-_NAMESPACES = {
-    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
-    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
-    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
-    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-    "master": MASTER,
-}
+_NAMESPACES = NAMESPACES | {"osp": OSP, "oms": OMS, "master": MASTER}
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _COLUMN, _ROW = 60.0, 40.0  # size of a block in a diagram
 

@@ -1,8 +1,8 @@
 """An SSP as the table of a scenario, so that `cosim run SYSTEM.ssp` simulates what another tool wired.
 
 What is read: systems in systems with their connectors, FMUs (files or folders), signal dictionaries, parameter values
-at every level, inline or in .ssv files, with prefix, units and mapping (.ssm), the stop time, and what annotations say of
-the step and the algorithm. The list is in ssp_grammar; all else is refused with file and line.
+at every level, inline or in .ssv files, with prefix, units and mapping (.ssm), the stop time, and what annotations say
+of the step and the algorithm. The list is in ssp_grammar; all else is refused with file and line.
 """
 
 from collections.abc import Iterator

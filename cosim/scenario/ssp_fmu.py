@@ -9,7 +9,7 @@ from attrs import field, frozen
 
 from cosim.scenario.ssp_document import Element, Findings, parse_xml
 from cosim.scenario.ssp_grammar import REAL, WHOLE
-from cosim.scenario.ssp_units import Units, UnitScale, unit_scale
+from cosim.scenario.ssp_units import UnitScale, unit_scale
 
 _MOST = 500_000_000  # bytes of one model description
 
@@ -107,9 +107,3 @@ def _value(item: Element, position: int) -> int:
 def kind_of(type_name: str) -> str:
     """Real and Float64 are real, all whole numbers integer."""
     return "real" if type_name in REAL else "integer" if type_name in WHOLE else type_name
-
-
-def same(one: str, other: str, units: Units, others: Units) -> bool:
-    """Whether two unit names mean the same, by their definitions or, where one has none, by their names."""
-    a, b = units.get(one), others.get(other)
-    return a == b if a is not None and b is not None else one == other

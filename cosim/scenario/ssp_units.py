@@ -60,3 +60,20 @@ def items_in(elements: Iterable[Element], findings: Findings) -> dict[str, dict[
         }
         for enumeration in elements
     }
+
+
+def same_unit(one: str, other: str, of_one: UnitScale | None, of_other: UnitScale | None) -> bool:
+    """Whether values in two units are the same numbers.
+
+    Units of one name differ where their factors or offsets do; their exponents are not compared, because tools define
+    `rad` with and without an exponent of its own.
+    """
+    if of_one is None or of_other is None:
+        return _plain(one) == _plain(other)
+    if one == other:
+        return (of_one.factor, of_one.offset) == (of_other.factor, of_other.offset)
+    return of_one == of_other
+
+
+def _plain(unit: str) -> str:
+    return unit.replace(" ", "").replace("*", ".").replace("·", ".").replace("^", "")

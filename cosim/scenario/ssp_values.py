@@ -19,7 +19,7 @@ from cosim.scenario.ssp_document import (
 from cosim.scenario.ssp_files import SspFiles
 from cosim.scenario.ssp_fmu import FmuFace, FmuVariable
 from cosim.scenario.ssp_grammar import REAL, WHOLE, short
-from cosim.scenario.ssp_units import Units, items_in, units_in
+from cosim.scenario.ssp_units import Units, items_in, same_unit, units_in
 
 Value = float | int | bool | str
 _TYPES = {
@@ -246,7 +246,7 @@ def _converted(
         return number
     mine = parameter.units.get(parameter.unit) or face.units.get(parameter.unit)
     its = face.units.get(variable.unit)
-    if parameter.unit == variable.unit and (mine is None or its is None or mine == its):
+    if same_unit(parameter.unit, variable.unit, mine, its):
         return number
     if not variable.unit:
         findings.tell(
@@ -261,7 +261,7 @@ def _converted(
             f"{parameter.unit!r} has no definition" if mine is None else "units of other dimensions are not converted",
         )
         return None
-    if parameter.shift and mine != its:
+    if parameter.shift:
         findings.refuse(
             parameter.element,
             "units or an offset to convert, not both",

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from cosim.errors import did_you_mean
 from cosim.scenario.parts import Connection
 from cosim.scenario.ssp_document import Element, Findings
-from cosim.scenario.ssp_fmu import FmuVariable, kind_of, same
+from cosim.scenario.ssp_fmu import FmuVariable, kind_of
 from cosim.scenario.ssp_grammar import short
 from cosim.scenario.ssp_tree import End, Passage, SspTree, starts
-from cosim.scenario.ssp_units import Units
+from cosim.scenario.ssp_units import Units, same_unit
 from cosim.signals import Signal
 
 
@@ -65,7 +65,8 @@ def check_connectors(tree: SspTree, units: Units, findings: Findings) -> None:
         if not _fits(kind, variable.kind):
             findings.refuse(connector, f"type {variable.kind}, as the FMU says of {variable.name!r}", kind)
         unit = declared.get("unit", "")
-        if unit and variable.unit and not same(unit, variable.unit, units, component.face.units):
+        scales = units.get(unit), component.face.units.get(variable.unit)
+        if unit and variable.unit and not same_unit(unit, variable.unit, *scales):
             findings.refuse(connector, f"unit {variable.unit!r}, as the FMU says of {variable.name!r}", repr(unit))
 
 
@@ -94,9 +95,10 @@ def _check_units(start: End, way: list[Passage], tree: SspTree, units: Units, fi
             unit = unit or reached
             continue
         one, other = known.get(unit), known.get(reached)
-        if unit != reached and (one is None or other is None or not one.turns(other)):
+        alike = same_unit(unit, reached, one, other)
+        if not alike and (one is None or other is None or not one.turns(other)):
             findings.refuse(passage.element, f"the unit {reached!r} of {passage.end.connector!r}", repr(unit))
-        elif unit != reached and one != other and not passage.converts:
+        elif not alike and not passage.converts:
             findings.refuse(passage.element, f"{unit!r} turned into {reached!r}", "suppressUnitConversion")
         unit = reached
     _check_ends(start, way, tree, known, findings)
@@ -108,7 +110,7 @@ def _check_ends(start: End, way: list[Passage], tree: SspTree, known: Units, fin
     variables = [_variable(end, tree) for end in ends]
     one, other = (_unit(end, tree) for end in ends)
     told = all(variable is not None and variable.unit for variable in variables)
-    if not told and one and other and one != other and known.get(one) != known.get(other):
+    if not told and one and other and not same_unit(one, other, known.get(one), known.get(other)):
         findings.refuse(
             way[-1].element, f"FMUs that declare their units, to turn {one!r} into {other!r}", "one that has none"
         )

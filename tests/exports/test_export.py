@@ -181,11 +181,14 @@ def edited(archive: Path, target: Path, *changes: tuple[str, str]) -> Path:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ([("<ssd:Elements>", '<ssd:Elements><ssd:System name="inner"/>')], "nested system inner"),
-        ([('startElement="operator" ', "")], "system's own connectors"),
+        (
+            [("<ssd:Elements>", '<ssd:Elements><ssd:Bus name="inner"/>')],
+            "line 4: expected in <ssd:Elements>",
+        ),
+        ([('startElement="operator" ', "")], "expected a connector of this system, got 'f[1]'"),
         ([('endConnector="f_command[1]"', 'endConnector="f_comand[1]"')], "did you mean 'f_command[1]'"),
     ],
-    ids=["nested", "own-connector", "misspelt"],
+    ids=["unknown-element", "own-connector", "misspelt"],
 )
 def test_what_cannot_be_read_is_said(archive, tmp_path, changes, words):
     with pytest.raises(InputError) as error:

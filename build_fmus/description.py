@@ -77,8 +77,17 @@ def _enumerations(table: ModelTable) -> list[ModelVariable]:
     return [v for v in table.variable if v.type == "Enumeration"]
 
 
+_TOLERANCE = 1e-6
+"""Relative tolerance for importers that integrate a model themselves; in co-simulation our steps are fixed."""
+
+
 def _experiment(table: ModelTable) -> str:
-    times = {"startTime": 0.0, "stopTime": table.experiment.stop, "stepSize": table.experiment.step}
+    times = {
+        "startTime": 0.0,
+        "stopTime": table.experiment.stop,
+        "tolerance": _TOLERANCE,
+        "stepSize": table.experiment.step,
+    }
     return element("DefaultExperiment", times)
 
 

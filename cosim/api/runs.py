@@ -37,22 +37,27 @@ EXPORTS: Mapping[str, Callable[[Result, Path], Path]] = {"csv": export_csv, "mat
 """Further files of a result, by their ending."""
 
 
-def load(scenario: str | Path, effects: str | Path | None = None) -> Scenario:
+def load(scenario: str | Path, effects: str | Path | None = None, *, allow_outside: bool = False) -> Scenario:
     """A shipped scenario by name, or a TOML or SSP file by path; `effects`: an effects.toml of `close_loop` for it.
 
+    allow_outside: whether an SSP may name files outside its archive or folder.
     Raises InputError with every problem found.
     """
-    return load_scenario(scenario, effects=None if effects is None else Path(effects))
+    return load_scenario(scenario, (), None if effects is None else Path(effects), allow_outside)
 
 
 def checked(
-    scenario: str | Path, overrides: Sequence[str] = (), effects: Path | None = None, say: Callable[[str], None] = print
+    scenario: str | Path,
+    overrides: Sequence[str] = (),
+    effects: Path | None = None,
+    say: Callable[[str], None] = print,
+    allow_outside: bool = False,
 ) -> Wiring:
     """The checked wiring of a scenario with `path=value` overrides; FMUs that are missing are built (`say` tells).
 
-    Raises InputError with the problems of the file and those of the wiring together.
+    allow_outside: see `load`. Raises InputError with the problems of the file and those of the wiring together.
     """
-    drafted, problems = draft(scenario, overrides, effects)
+    drafted, problems = draft(scenario, overrides, effects, allow_outside)
     wiring: Wiring | None = None
     found: list[Problem] = []
     if drafted is not None:

@@ -1,9 +1,6 @@
 """Where FMU files are: models and recordings built where they are missing, archives extracted once."""
 
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from hashlib import sha256
@@ -127,21 +124,15 @@ def _read_columns(
 
 def extracted(path: Path) -> Path:
     """Folder with the contents of an FMU, extracted once per content (absolute, kept in the cache)."""
-    import fmpy
-
     from build_fmus.cache import cache_folder
+    from build_fmus.unpacking import UnpackError, unpack
 
     folder = cache_folder() / "extracted" / digest(str(path), *stamp(path))[:24]
     if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".part-"))
         try:
-            fmpy.extract(path, fresh)
-            os.replace(fresh, folder)
-        except OSError as error:
-            shutil.rmtree(fresh, ignore_errors=True)
-            if not folder.is_dir():
-                raise RunError(path.name, None, f"cannot be extracted: {error}") from None
+            unpack(path, folder)
+        except (OSError, UnpackError) as error:
+            raise RunError(path.name, None, f"cannot be extracted: {error}") from None
     return folder.resolve()
 
 

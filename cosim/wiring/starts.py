@@ -41,7 +41,8 @@ def starts_of(
     values = _whole_arrays(description, values, where, problems)
     if "seed" in description.variables and "seed" not in values:
         values["seed"] = scenario.experiment.seed + list(scenario.components).index(name)
-    if description.model == "VariableDelayChannel":
+    law = description.variables.get("law")
+    if description.model == "VariableDelayChannel" and law is not None and law.items:
         problems += _outgrown(scenario, name, description, values)
     return values
 

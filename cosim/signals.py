@@ -73,6 +73,7 @@ class FmuDescription:
     single_instance: bool = False
     saves_state: bool = False
     step: float | None = None
+    differentiates: bool = False
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
 from attrs import evolve
 
@@ -63,7 +65,16 @@ def _describe(path: str, modified: int, size: int) -> FmuDescription:
         float(model.defaultExperiment.stepSize)
         if model.defaultExperiment and model.defaultExperiment.stepSize
         else None,
+        _differentiates(path),
     )
+
+
+def _differentiates(path: str) -> bool:
+    """Whether it gives directional derivatives in co-simulation; read here, since fmpy leaves it out for FMI 3.0."""
+    with ZipFile(path) as archive, archive.open("modelDescription.xml") as text:
+        interface = ElementTree.parse(text).getroot().find("CoSimulation")
+    names = ("providesDirectionalDerivative", "providesDirectionalDerivatives")
+    return interface is not None and any(interface.get(name) in ("true", "1") for name in names)
 
 
 def _has_states(model: Any) -> bool:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from cosim.api.inspecting import inspect
     from cosim.api.loops import StabilityResult, stability
     from cosim.api.recordings import ClosureResult, IdentificationResult, close_loop, identify, read
+    from cosim.api.robots import RobotResult, robot
     from cosim.api.runs import RunResult, load, open_result, run
     from cosim.api.sweeping import SweepTable, sweep
     from cosim.engine.outcome import Outcome
@@ -30,6 +31,7 @@ __all__ = [
     "Outcome",
     "Problem",
     "Recording",
+    "RobotResult",
     "RunError",
     "RunResult",
     "Scenario",
@@ -42,6 +44,7 @@ __all__ = [
     "load",
     "open_result",
     "read",
+    "robot",
     "run",
     "stability",
     "sweep",
@@ -52,6 +55,7 @@ _HOMES = {
     "cosim.api.inspecting": ("inspect",),
     "cosim.api.loops": ("StabilityResult", "stability"),
     "cosim.api.recordings": ("ClosureResult", "IdentificationResult", "close_loop", "identify", "read"),
+    "cosim.api.robots": ("RobotResult", "robot"),
     "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
     "cosim.api.sweeping": ("SweepTable", "sweep"),
     "cosim.engine.outcome": ("Outcome",),

@@ -159,6 +159,7 @@ class FmuDescription:
     tool: str = ""
     sizes: tuple[tuple[str, int], ...] = ()
     warnings: tuple[str, ...] = ()
+    differentiates: bool = False
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.needs import NEEDS, expected, require
-from tests.support.paths import SHARED
+from tests.support.paths import CASES, SHARED
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jobs: what Ctrl-C does is tested there too
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -18,6 +18,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jo
 def pytest_configure(config):
     config.addinivalue_line("markers", f"needs(*names): is skipped where one of {', '.join(NEEDS)} is absent")
     expected()  # refuses unknown names before any test runs
+
+
+def pytest_collection_modifyitems(items):
+    """Files that take minutes come first, so that no worker is left alone with one at the end of a run."""
+    items.sort(key=lambda item: item.path.parent.name != "closure")
 
 
 def pytest_runtest_setup(item):
@@ -43,6 +48,13 @@ def shared_data() -> Path:
     """Folder of the measured data sets."""
     require("data")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """Folder of the inputs that failed once."""
+    require("cases")
+    return CASES
 
 
 _crashing = False  # whether the running test's children are meant to crash

@@ -21,18 +21,22 @@ FACE = ("cosim", "cosim.__main__")
 HEAVY = {
     "fmpy": {"cosim.fmu", "cosim.exports.container"},
     "control": {"cosim.analysis.margin"},
-    "h5py": {"cosim.results.files", "cosim.measured.reader"},  # our results, and files of laboratories
+    "h5py": {"cosim.results.files", "cosim.measured.hdf5"},  # our results, and files of laboratories
     "matplotlib": {"cosim.report.canvas"},
     "jinja2": {"cosim.report.html"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},
-    "pyarrow": {"cosim.measured.reader"},
+    "pyarrow": {"cosim.measured.text", "cosim.measured.columnar", "cosim.measured.arrow"},
+    "rosbags": {"cosim.measured.ros"},
+    "mcap": {"cosim.measured.ros"},
+    "asammdf": {"cosim.measured.mdf"},
+    "urdf_parser_py": {"cosim.arm.urdf"},
     "pandas": {"cosim.results.frames", "cosim.api"},  # in annotations only
     "xarray": {"cosim.results.frames", "cosim.api"},
 }
 LIGHT = set(
-    """__future__ atexit attrs collections contextlib cosim enum functools gc importlib itertools json math os pathlib
-    re sys tempfile types typer typing""".split()
+    """__future__ atexit attrs collections contextlib cosim enum errno functools gc importlib itertools json math os
+    pathlib re signal stat sys tempfile threading types typer typing""".split()
 )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.assertions import SourceFile, source_file
+from tests.support.needs import NEEDS, Need, expected, require
 from tests.support.paths import ROOT
 
 FILES = sorted((ROOT / "tests").rglob("*.py"))
@@ -140,3 +141,19 @@ def test_what_a_test_needs_is_named_in_the_table():
     skips = [(path, call) for path in FILES for name, call in called(TREES[path]) if name in others]
     assert [path.name for path, _ in skips].count("needs.py") == 1
     assert not [place(path, call) for path, call in skips if path.name != "needs.py"]
+
+
+def test_what_is_absent_skips_and_fails_where_it_is_declared(monkeypatch):
+    monkeypatch.setitem(NEEDS, "wine", Need("Wine", lambda: False))
+    monkeypatch.delenv("COSIM_EXPECTS", raising=False)
+    with pytest.raises(pytest.skip.Exception, match="needs wine: Wine"):
+        require("wine")
+    monkeypatch.setenv("COSIM_EXPECTS", "data wine")
+    with pytest.raises(pytest.fail.Exception, match="needs wine: Wine; COSIM_EXPECTS says that it is here"):
+        require("wine")
+
+
+def test_an_unknown_name_among_the_declared_is_refused(monkeypatch):
+    monkeypatch.setenv("COSIM_EXPECTS", "data wien")
+    with pytest.raises(pytest.UsageError, match="expected names out of data, .*; got wien"):
+        expected()

@@ -1,5 +1,7 @@
 """Which part of the dynamics a motion's torque comes from: Taati 4.1, Figs. 10 and 11."""
 
+from typing import Any
+
 import numpy as np
 from attrs import cmp_using, field, frozen
 
@@ -10,7 +12,7 @@ from cosim.arm.workspace import LINKED, Workspace
 TERMS = ("inertial", "Coriolis and centrifugal", "gravity", "viscous friction", "Coulomb friction")
 
 
-def _array():
+def _array() -> Any:
     return field(eq=cmp_using(np.array_equal))
 
 

@@ -16,7 +16,7 @@ COULOMB_VELOCITY = 0.01
 """Regularisation [rad/s] of the sign of a velocity: the default of the FMU PhantomArm."""
 
 
-def _columns(pi) -> tuple[np.ndarray, ...]:
+def _columns(pi: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(np.moveaxis(np.asarray(pi), -1, 0))
 
 

@@ -5,6 +5,8 @@ Joint angles `q` (..., 3) [rad]; tip `x` (..., 3) [m] in the base frame: y is up
 arm the upper arm points along (cos q2, sin q2) and the forearm along (sin q3, -cos q3), as (radial, height).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 L1 = 0.215
@@ -13,7 +15,7 @@ L2 = 0.170
 """Forearm [m], Sallam Table I."""
 
 
-def matrix(*rows) -> np.ndarray:
+def matrix(*rows: Sequence[np.ndarray | float]) -> np.ndarray:
     """Stack entries (scalars or arrays that broadcast) to (..., rows, columns)."""
     width = len(rows[0])
     entries = np.broadcast_arrays(*(entry for row in rows for entry in row))

@@ -1,9 +1,12 @@
 """The parameter sets of the arm, each with its source, and how it is mounted."""
 
+from collections.abc import Callable
 from enum import Enum
+from typing import Any
 
 import numpy as np
-from attrs import cmp_using, evolve, field, frozen
+from attrs import NOTHING, cmp_using, evolve, field, frozen
+from numpy.typing import ArrayLike
 
 from cosim.arm.kinematics import L1, L2
 from cosim.arm.segments import G, point_mass_pi, segment_pi
@@ -22,8 +25,8 @@ class Mounting(Enum):
         return G if self is Mounting.UPRIGHT else -G
 
 
-def _vector(length: int):
-    def convert(values) -> np.ndarray:
+def _vector(length: int) -> Callable[[ArrayLike], np.ndarray]:
+    def convert(values: ArrayLike) -> np.ndarray:
         array = np.array(values, dtype=float)
         if array.shape != (length,) or not np.all(np.isfinite(array)):
             raise InputError(Problem("parameter set", f"{length} finite numbers", np.array2string(array)))
@@ -33,8 +36,10 @@ def _vector(length: int):
     return convert
 
 
-def _array(length: int, **extra):
-    return field(converter=_vector(length), eq=cmp_using(np.array_equal), **extra)
+def _array(length: int, default: ArrayLike | None = None) -> Any:
+    """A field for a vector of that length, required where there is no default."""
+    fallback = NOTHING if default is None else default
+    return field(converter=_vector(length), eq=cmp_using(np.array_equal), default=fallback)
 
 
 @frozen

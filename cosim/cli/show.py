@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.cli.run import OUTSIDE
+
 if TYPE_CHECKING:
     from cosim.scenario import Scenario
     from cosim.signals import Variable
@@ -17,11 +19,12 @@ def command(
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """Wiring, units, delay added by each connection, step sizes; runs nothing."""
     from cosim.cli.run import prepare
 
-    print("\n".join(_lines(prepare(scenario, set_ or [], effects))))
+    print("\n".join(_lines(prepare(scenario, set_ or [], effects, allow_outside))))
 
 
 def _lines(wiring: "Wiring") -> list[str]:

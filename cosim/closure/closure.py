@@ -1,4 +1,4 @@
-"""The loop closed with measured data: recording in, verdict with evidence out, in one pass of named stages."""
+"""The loop closed with measured data: from a recording to a verdict with its evidence."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ from cosim.closure.score.selection import Rule, Selection, polished, select
 from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
 from cosim.measured import Label, Recording
+from cosim.measured.rates import at_one_rate
 
 if TYPE_CHECKING:
     from cosim.closure.replay import Replay
 
-POOR = 50.0  # RMS%: a model that leaves more than this of every joint's torque is no model to add effects to
-NO_BETTER = 0.99  # of the held-out error: a name that leaves more than this explains nothing
+POOR = 50.0  # RMS%: a model that leaves more of every joint's torque is too poor to add effects to
+NO_BETTER = 0.99  # of the held-out error: names that leave more explain nothing
 
 
 @frozen
@@ -64,9 +65,10 @@ class Closure:
 
 
 def close_loop(recording: Recording, options: Options = Options()) -> Closure:
-    """Residual, missing effect, effect added, error before and after on held-out rows."""
+    """Find the effects that the complete model lacks, add them, compare held-out errors before and after."""
     progress = options.progress
     progress("smoothing and differentiating")
+    recording = at_one_rate(recording)
     motion = prepare(recording)
     rows = thinned(motion)
     refusals = motion_refusals(motion, rows)
@@ -95,7 +97,7 @@ def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | 
 def _completed(
     recording: Recording, before: Model, selection: Selection, verdict: ClosureVerdict, options: Options
 ) -> Closure:
-    """Errors, floor, replay and warnings around the verdict."""
+    """The closure of a verdict: errors, floor, replay and warnings are added."""
     verdict = _no_worse(verdict, before)
     _, best = verdict.models()
     verdict = _without_names(verdict, before, torque_error(before, best))
@@ -145,7 +147,7 @@ def _worse(error: TorqueError, joints: set[int], limit: float = 1.01) -> bool:
 
 
 def _without_names(verdict: ClosureVerdict, before: Model, error: TorqueError) -> ClosureVerdict:
-    """No names where even the best model leaves more than half of the torque of every joint."""
+    """The verdict, without names where the best model leaves more than half of every joint's torque unexplained."""
     least = min((e for e in error.after if np.isfinite(e)), default=0.0)
     if verdict.answer is Answer.REFUSED or least <= POOR:
         return verdict

@@ -16,7 +16,7 @@ from cosim.measured.recording import Recording, Run
 
 SAMPLES = (1, 2, 3, 4)  # n of the velocity difference that are tried
 CUTOFFS = (0.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 150.0, 200.0)  # Hz, of L; 0: none
-CLOSE = 5.0  # %: a law that leaves more of the torque than this is not the recorded one
+CLOSE = 5.0  # %: a law that leaves more of the torque unexplained is not the recorded one
 PULSES = 2.0  # %: less than this is noise, not an input of its own
 
 
@@ -24,8 +24,8 @@ PULSES = 2.0  # %: less than this is noise, not an input of its own
 class RecordedController:
     """kp [N.m/rad], kd, kd_ref [N.m.s/rad], offset, weight_sin, weight_cos [N.m] of a joint (N, m of a prismatic one).
 
-    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the largest torque that the recording holds [N.m],
-    0 where it was never held at it; `left` the RMS% of torque that the law does not give on the rows it was found on.
+    samples: n of the difference; cutoff [Hz] of L, 0 none; `limit` the torque limit [N.m], 0 where the
+    recording never rests at one; `left` the RMS% of torque that the law does not explain on the rows it was fitted on.
     """
 
     kp: float
@@ -72,7 +72,7 @@ def _best(runs: list[Run], ways: list[tuple[int, float]]) -> tuple[RecordedContr
 
 
 def injected(law: RecordedController, run: Run, joint: int) -> np.ndarray:
-    """Torque (n,) of a run that the law does not give (pulses); zero where it is as small as on the fitted rows."""
+    """Torque (n,) of a run that the law does not explain (pulses); zero where it is as small as on the fitted rows."""
     tau = run.tau[:, joint]
     rest = tau - law.torque(reference(run)[:, joint], run.q[:, joint], run.step)
     rest[: law.samples] = 0.0

@@ -140,8 +140,8 @@ def _scene(recording: Recording) -> Scene:
 
 
 def _unfit(where: str, choice: ChosenEffect, scene: Scene) -> list[Problem]:
-    """Why the recording cannot have the choice: joints that are no set of the effect, theta of another size or out of
-    range.
+    """Why the choice does not fit the recording: joints that are no set of the effect, or a theta of another length or
+    out of range.
     """
     effect, joints, theta = choice.effect, choice.joints, choice.theta
     sets = effect.joint_sets(scene)

@@ -10,9 +10,10 @@ from cosim.closure.model.motion import FitRows, SmoothedMotion
 
 SHORTEST = 4.0  # s of fitted rows
 FEWEST_BLOCKS = 8
-STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to show
-INERTIA = 0.01  # share of the torque that inertia has to make there
-EXACT = 1e-4  # residual as a share of the torque that no measurement reaches
+STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to be seen
+INERTIA = 0.01  # least share of the torque that is due to inertia there
+MOST_CLIPPED = 0.5  # share of rows, above which the rest is no sample of the motion
+EXACT = 1e-4  # residual as a share of the torque that is too small for a measurement
 
 
 @frozen
@@ -24,7 +25,7 @@ class Refusal:
 
 
 def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
-    """No motion, none of a joint in what is fitted, too short, no torque."""
+    """Reasons in the data: too short, no motion, a joint that rests on all fitted rows, a constant torque."""
     out = []
     seconds = float((~motion.test).sum() * motion.step)
     if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
@@ -35,7 +36,10 @@ def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
                 f"blocks and {SHORTEST:g} s are needed",
             )
         )
-    still = [j for j in range(motion.joints) if not _moves(motion, rows, j)]
+    clipped = np.zeros(motion.joints) if motion.clipped is None else motion.clipped.mean(axis=0)
+    cut = [j for j in range(motion.joints) if clipped[j] > MOST_CLIPPED]
+    out += [Refusal(j + 1, f"the torque is clipped in {100 * clipped[j]:.3g} % of the rows") for j in cut]
+    still = [j for j in range(motion.joints) if j not in cut and not _moves(motion, rows, j)]
     if len(still) == motion.joints:
         out.append(Refusal(0, "no joint moves: a residual at rest cannot be traced to an effect of motion"))
     unseen = [j for j in range(motion.joints) if j not in still and not rows.moving[~rows.test, j].any()]
@@ -69,7 +73,9 @@ def circular(model: Model) -> list[Refusal]:
 
 
 def _static(model: Model, j: int) -> str:
-    """A function of angle and speed reproduces the torque, and inertia, though excited, makes no part of it."""
+    """Why the torque was computed from the state: a function of angle and speed reproduces it without inertia. Empty
+    where it was not.
+    """
     s = model.setting
     rows, m = s.rows, s.motion
     use = s.use[j] if s.use[j].sum() >= 200 else np.ones(len(rows.index), bool)

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 SETTLE = 0.2  # s at the start of every run that are not judged: velocity and presliding state are not recorded
 GUIDE = 2 * np.pi * 4.0  # rad/s, natural frequency of the guiding PD
 SMOOTH = (0.0, 1.5e-3, 2.5e-3, 4e-3, 6e-3)  # s, widths of the kernel over the path that guides
-JITTER = 0.005  # of the torque: what encoder noise on that path may ask for
+JITTER = 0.005  # of the torque: the largest share that encoder noise on that path may cause
 BLOCK = 0.5  # s, blocks of the bootstrap
-LATE = 0.7 / GUIDE  # s: half of the lag from which on the guiding PD is unstable
-LEAST = 0.5  # of the judged rows: a model that is replayed through fewer has no replay error
+LATE = 0.7 / GUIDE  # s: half of the lag above which the guiding PD is unstable
+LEAST = 0.5  # of the judged rows: a model that reaches fewer has no replay error
 WORSE = 1.2  # times the error before: a replay above that, beyond its interval, is said to disagree
 LAGS = ("actuator_lag", "time_delay")
 SIDES = ("before", "after")
@@ -141,7 +141,7 @@ def begun(parameters: Mapping[str, StartValue], start: float) -> StartValues:
 
 
 def _recorded_loop(run: Run, laws: Sequence[RecordedController]) -> _ReplayedRun:
-    """The recorded reference through the recorded law; its other terms and what it leaves over are fed forward."""
+    """The recorded reference and law; its terms beside the PD and what it does not explain are fed forward."""
     feed = np.stack([_feed(run, law, joint) for joint, law in enumerate(laws)], axis=1)
     gains = [tuple(getattr(law, name) for law in laws) for name in ("kp", "kd", "limit")]
     return _ReplayedRun(run, reference(run), feed, gains[0], gains[1], laws[0].samples, laws[0].cutoff, gains[2], False)
@@ -335,7 +335,7 @@ class _ReplayedRows:
 
     @property
     def reached(self) -> np.ndarray:
-        """(n,) bool: where everything is known."""
+        """Rows (n,) on which everything is known."""
         return np.asarray(np.isfinite(np.column_stack((self.tau, self.q, self.calm))).all(axis=1))
 
     def at(self, rows: np.ndarray, known: bool = True) -> _ReplayedRows:
@@ -346,7 +346,9 @@ class _ReplayedRows:
 
 
 def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...], width: float) -> Replay:
-    """Errors on the judged rows that each side reached that counts. Raises RunError where none counts."""
+    """Errors on the judged rows that every side reached, leaving out a side that reached too few. Raises RunError where
+    both did.
+    """
     sides = [_ReplayedRows.of(compared, width, attrgetter(side)) for side in SIDES]
     counts = [bool(len(side.tau)) and side.reached.mean() >= LEAST for side in sides]
     if not any(counts):
@@ -437,7 +439,7 @@ def _notes(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]) 
 
 
 def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -> list[str]:
-    """What the sides did not run through, and why; share: of the rows that are not judged."""
+    """In words, which sides ended early and why; share: of the rows that are not judged."""
     notes = []
     for side, good in zip(SIDES, counts, strict=True):
         if why := "; ".join(_reasons(compared, side)):

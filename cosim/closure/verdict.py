@@ -1,5 +1,5 @@
-"""The answer: which effects are named, with what they cannot be told from; what is left without a name; or why nothing
-may be said.
+"""The answer: which effects are named and what they cannot be distinguished from, what is left without a name, or why
+nothing can be concluded.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -22,9 +22,9 @@ from cosim.effects.motion import Joints
 from cosim.measured import Label
 
 NAMED_SHARE = 0.75  # of what can be explained on a joint its named effects have to explain
-MOST = 2 / 3  # of it suffices where every name stands beside the nameless function: evidence and coefficients as before
+MOST = 2 / 3  # of it suffices where every name keeps its evidence and coefficients beside the nameless function
 STEADY = 1.5  # factor by which a coefficient may change beside it
-SETTLED = 0.97  # of what can be explained: from here on a nameless function that does better only refines the form
+SETTLED = 0.97  # of what can be explained: above it a nameless function that does better only refines the form
 BETTER = 3.0  # standard errors by which a nameless function has to beat all named effects of a joint to withdraw them
 SKEW = 0.3
 """Samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs. A wall of stiffness k [N/m] shows d [s] of it as a
@@ -152,8 +152,8 @@ def judge(
     rule: Rule,
     progress: Callable[[str], None] = lambda text: None,
 ) -> ClosureVerdict:
-    """Findings with aliases; the residual's leftovers; names withdrawn where a nameless function does clearly
-    better.
+    """The findings with their aliases, what the residual still depends on, and names that are withdrawn because a
+    nameless function does clearly better.
     """
     model = selection.model
     withdrawn: tuple[tuple[NamedEffect, str], ...] = ()
@@ -257,9 +257,7 @@ def _too_much_left(
 
 
 def _stands_beside(model: Model, number: int, nameless: tuple[ChosenEffect, ...], rule: Rule) -> bool:
-    """Whether a name keeps its evidence and its coefficients when the nameless functions have been given their part
-    first.
-    """
+    """Whether a name keeps its evidence and its coefficients beside the nameless functions."""
     choice = model.choices[number]
     others = tuple(c for k, c in enumerate(model.choices) if k != number)
     rest = with_choices(model, (*others, *nameless))
@@ -271,7 +269,7 @@ def _stands_beside(model: Model, number: int, nameless: tuple[ChosenEffect, ...]
 
 
 def _unnamed_better(base: Model, model: Model, joint: int) -> str:
-    """Whether one nameless function in the place of all names of the joint does clearly better than they."""
+    """Why one nameless function replaces all names of the joint, being clearly better; empty where none is."""
     error, without = model.unseen(joint), base.unseen(joint).sum()
     nameless = in_place(base, joint, (*dependences(base.scene), *faults(base.scene, joint)))
     rival = min((e.model for e in nameless), key=lambda m: m.unseen(joint).sum(), default=None)

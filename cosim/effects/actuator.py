@@ -1,14 +1,11 @@
 """Effects between the commanded and the delivered torque: lag, delay, gain, saturation, dead band.
 
 The recorded torque is the command u; the delivered torque is A(u). With the model's own prediction p of the delivered
-torque the
-command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the prediction
-where they can
-be, so that noise of the torque does not stand on both sides.
+torque the command is u = A^-1(p), so the columns below are u - p for a unit of the parameter. They are formed from the
+prediction where possible, so that noise of the torque is not on both sides of the regression.
 
-Lag and delay are found by passing the recorded torque on through them, which is exact at any size; what is left of the
-parameter is the
-coefficient of one column, the slope of the prediction.
+Lag and delay are found by passing the recorded torque through them, which is exact at any size. The rest of the
+parameter is the coefficient of one column, the slope of the prediction.
 """
 
 import numpy as np
@@ -24,7 +21,7 @@ _BEHIND = (Alias("backlash", _LINK, 0.45), Alias("joint_elasticity", _LINK, 0.45
 LONGEST = 0.06  # s, of lags and delays that a torque loop may have
 SAMPLES_OF_A_RECORDING = 1.5  # lags up to this many samples belong to the sampling, not to the plant
 USUAL = 0.4  # share of commands within a dead band, above which it is no dead band but the usual torque
-STARVED = 0.85  # share of commands beyond a limit, above which what is delivered is no more than a sign
+STARVED = 0.85  # share of commands beyond a limit, above which hardly more than the sign is delivered
 
 
 class Late(Effect):
@@ -35,8 +32,8 @@ class Late(Effect):
     sharp = False
     dynamic = True
     late = True
-    least = 0.2
-    slack = 1.0
+    least: float = 0.2
+    slack: float = 1.0
     needs = "fast excitation"
 
     def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
@@ -58,9 +55,7 @@ class Late(Effect):
         return (Label(self.name),)
 
     def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
-        """The lag of every joint with what the model had taken for sampling: the whole of it, the hold of a sampled
-        torque included.
-        """
+        """The whole lag of every joint, with the sampling skew of the model and the hold of a sampled torque."""
         value = float(self.amount(estimate.beta, estimate.theta)[0]) + estimate.scene.skew
         return {per_joint(self.name, (j,)): value for j in estimate.joints}
 
@@ -83,8 +78,8 @@ class ActuatorLag(Late):
     title = "actuator lag"
     equation = "T d(tau)/dt = u - tau"
     source = "electrical time constant of motor and amplifier"
-    aliases = (Alias("time_delay", _FAST, always=True), *_BEHIND)
-    relatives = ("time_delay", "joint_elasticity")
+    aliases: tuple[Alias, ...] = (Alias("time_delay", _FAST, always=True), *_BEHIND)
+    relatives: tuple[str, ...] = ("time_delay", "joint_elasticity")
 
     def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         from scipy.signal import bilinear, lfilter, lfilter_zi
@@ -101,8 +96,8 @@ class TimeDelay(Late):
     title = "time delay of the torque"
     equation = "tau(t) = u(t - d)"
     source = "bus, sampling and computing time"
-    aliases = (Alias("actuator_lag", _FAST, always=True), *_BEHIND)
-    relatives = ("actuator_lag", "backlash")
+    aliases: tuple[Alias, ...] = (Alias("actuator_lag", _FAST, always=True), *_BEHIND)
+    relatives: tuple[str, ...] = ("actuator_lag", "backlash")
 
     def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         return motion.advanced(torque, -theta[0], order=3)
@@ -119,7 +114,7 @@ class TorqueGain(Effect):
     unit = "1"
     sharp = False
     dynamic = True
-    aliases = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
+    aliases: tuple[Alias, ...] = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise the gain is absorbed in the parameters"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -149,7 +144,7 @@ class TorqueSaturation(Effect):
     title = "torque saturation"
     equation = "tau = clip(u, -L, L), so u = p + (u - clip(u, -L, L))"
     source = "current limit of the amplifier"
-    aliases = ()
+    aliases: tuple[Alias, ...] = ()
     needs = "commands beyond the limit"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
@@ -195,7 +190,7 @@ class TorqueDeadband(Effect):
     title = "dead band of the torque"
     equation = "tau = u - clip(u, -d, d), so u = p + clip(u, -d, d)"
     source = "amplifier, valve or brush"
-    aliases = (Alias("load_friction", "torque at rest, both signs"),)
+    aliases: tuple[Alias, ...] = (Alias("load_friction", "torque at rest, both signs"),)
     needs = "commands that change sign while the joint moves"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:

@@ -18,9 +18,9 @@ class PositionFriction(Effect):
     amplitude = True
     title = "Coulomb friction that depends on the angle"
     equation = "tau += (a sin q + b cos q) s(dq)"
-    signals = ("q", "dq")
+    signals: tuple[str, ...] = ("q", "dq")
     source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
-    aliases = (Alias("load_friction", "the same angles under another load"),)
+    aliases: tuple[Alias, ...] = (Alias("load_friction", "the same angles under another load"),)
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         q, s = scene.motion.q[:, joints], scene.sign[:, joints]
@@ -47,11 +47,11 @@ class PositionTorque(Effect):
     name = "position_torque"
     title = "torque that depends on the angle"
     equation = "tau += k q (+ k3 q^3), or + k q + k2 q^2 (+ k3 q^3), or + a sin q + b cos q"
-    signals = ("q",)
+    signals: tuple[str, ...] = ("q",)
     source = "Taati et al. 2008, section 4.2 (counterbalance); cable harness"
     unit = "N.m/rad"
     sharp = False
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
         Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
         Alias("torque_offset", "a wider range of the joint"),
@@ -100,9 +100,9 @@ class TorqueRipple(Effect):
     amplitude = True
     title = "torque ripple"
     equation = "tau += a sin(n q) + b cos(n q), n cycles a turn of the joint"
-    signals = ("q",)
+    signals: tuple[str, ...] = ("q",)
     source = "Holtz, Springob 1996, IEEE Trans. Ind. Electronics 43(2)"
-    aliases = (Alias("position_torque", "finer steps of angle, slowly"),)
+    aliases: tuple[Alias, ...] = (Alias("position_torque", "finer steps of angle, slowly"),)
     needs = "speeds low enough for the filter to pass the ripple"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
@@ -148,22 +148,20 @@ class Hysteresis(Effect):
     """Friction that builds up over a distance after a reversal: presliding, cable, gear.
 
     z is Dahl's state, or three elasto-plastic elements in parallel, z = sum w_k z_k, w = (1 - tilt, 1, 1 + tilt)/3,
-    that yield
-    over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech. 33(4); Maxwell
-    slip).
-    theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
+    that yield over length (1/ratio, 1, ratio): dz_k/dt = dq / length_k within |z_k| < 1 (Iwan 1966, J. Appl. Mech.
+    33(4); Maxwell slip). theta = (length [rad], ratio, tilt). Ratio 0 is Dahl's law; the elements are its richer form.
     """
 
     name = "hysteresis"
     title = "hysteresis (presliding, cable)"
     equation = "tau += h z, dz/dt = dq (1 - z sgn(dq)) / length, or z = sum w_k z_k of elasto-plastic elements, h > 0"
-    signals = ("history of q",)
+    signals: tuple[str, ...] = ("history of q",)
     source = "Dahl 1968, TOR-158(3107-18); Iwan 1966, J. Appl. Mech. 33(4); Al-Bender, Lampaert, Swevers 2005"
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
     )
-    relatives = ("joint_elasticity", "backlash")
+    relatives: tuple[str, ...] = ("joint_elasticity", "backlash")
     FIRST, RATIOS = (2.0, 0.2), (1.2, 8.0)  # ratio and tilt at which the search begins, least and largest ratio
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
@@ -212,9 +210,10 @@ def elements(motion: Motion, joint: int, length: float, ratio: float, tilt: floa
 
 
 def _strokes(motion: Motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
-    """State z (n,) over each run from z = 0, exact for a constant direction between samples; left(u, gone): what is
-    left of
-    u = 1 - z sgn(dq) after distances in one direction, in lengths. Moves below the standstill noise count too.
+    """State z (n,) over each run from z = 0, exact for a constant direction between samples.
+
+    left(u, gone): the remainder of u = 1 - z sgn(dq) after distances in one direction, in units of the length. Moves
+    below the standstill noise count as well.
     """
     out = np.empty(len(motion.time))
     for a, b in motion.bounds:

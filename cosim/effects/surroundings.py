@@ -17,9 +17,9 @@ PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[
 class FrictionDrift(Effect):
     """Friction that changes over the recording, as by warming up; theta = (time constant T [s],).
 
-    A half of a recording hardly tells T, and what it says of it goes astray on the other half. T is the recording's
-    length, between a
-    drift that goes on as it began and one that is over, unless another leaves clearly less.
+    Half of a recording hardly determines T, and its estimate misfits the other half. T is therefore the length of the
+    recording, between a drift that goes on as it began and one that has ended, unless another leaves a clearly smaller
+    error.
     """
 
     name = "friction_drift"
@@ -28,9 +28,9 @@ class FrictionDrift(Effect):
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
-    # of the first slope: T half or twice as long changes it by a quarter either way where the growth is the same
-    form = 0.12
-    aliases = ()
+    # of the initial slope: for the same growth, half or twice T changes it by a quarter either way
+    form: float = 0.12
+    aliases: tuple[Alias, ...] = ()
     needs = "repeats of the same motion at different times"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -81,14 +81,14 @@ class ExternalContact(Effect):
     """
 
     name = "external_contact"
-    # on rigs without noise both parameters are within half of that; a wall has little in common with the law of
-    # friction
-    form = 0.01
+    # on simulated arms without noise both parameters err by less than half of that: the form of the friction law
+    # hardly matters for a wall
+    form: float = 0.01
     title = "undeclared contact of the tip"
     equation = "tau += J^T n max(k (n.x - d) + c n.dx, 0) where n.x > d, k > 0"
     source = "unilateral spring"
     unit = "N/m"
-    aliases = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
+    aliases: tuple[Alias, ...] = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
     needs = "recorded tip force, or a contact that is entered and left several times"
 
     def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
@@ -161,17 +161,16 @@ class JointCoupling(Effect):
     """A torque on one joint from the motion of another; theta = (joint, shape, speed v over which the Coulomb part
     turns).
 
-    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own: what couples the joints need not turn with the other joint's
-    own friction,
-    whose law is fitted without the rows near its reversals.
+    s(dq) = dq / sqrt(dq^2 + v^2) has a speed of its own, since the coupling need not follow the friction law of the
+    other joint, which is fitted without the rows near its reversals.
     """
 
     name = "joint_coupling"
-    form = 0.005  # the joint's own law of friction has little in common with the speed of another joint
+    form: float = 0.005  # the joint's own law of friction has little in common with the speed of another joint
     title = "coupling from another joint"
     equation = "tau_i += b dq_j + c s(dq_j), or k q_j"
     source = "cable routing, coupled wrist drives"
-    aliases = ()
+    aliases: tuple[Alias, ...] = ()
     needs = "the other joint's motion"
     SHAPES = ("viscous", "coulomb", "both", "spring")
     WIDTHS = (

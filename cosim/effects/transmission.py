@@ -47,10 +47,11 @@ class JointElasticity(Effect):
     share s of M).
 
     With the twist t = q_motor - q_link, the motor's inertia J = s M and the stiffness k = (1 - s) M w^2 at the median M
-    of the motion,
-    and the link's own torque tau_l = rigid torque - J ddq:
-    (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor), linear in t with coefficients along the
-    motion.
+    of the motion, and the link's own torque tau_l = rigid torque - J ddq,
+
+        (M(q) - J) t'' + (c + d tau/d dq) t' + (k + d tau/d q) t = tau_l(q_motor),
+
+    linear in t with coefficients that vary along the motion.
     """
 
     name = "joint_elasticity"
@@ -59,11 +60,11 @@ class JointElasticity(Effect):
     source = "Spong 1987, J. Dyn. Sys. Meas. Control 109"
     unit = "1"
     smooths = True
-    form = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
+    form: float = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
     sharp = False
     dynamic = True
-    aliases = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
-    relatives = ("backlash", "actuator_lag")
+    aliases: tuple[Alias, ...] = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
+    relatives: tuple[str, ...] = ("backlash", "actuator_lag")
     needs = "fast excitation, or gravity that changes with the angle"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -92,7 +93,7 @@ class JointElasticity(Effect):
         return (Label("share of the link's torque"),)  # the columns after it are starts of runs
 
     def precision(self, count: int) -> np.ndarray:
-        """Only the first blocks of a run tell its start; it is a share of the twist that the motion makes."""
+        """A prior for the start of each run, which only its first blocks show: a share of the usual twist."""
         return np.r_[0.0, np.full(count - 1, 1 / USUAL_START**2)]
 
     def amount(self, beta: np.ndarray, theta: Theta) -> np.ndarray:
@@ -131,8 +132,8 @@ def _resonances(scene: Scene, ratio: float) -> np.ndarray:
 
 
 def pressed(scene: Scene, joint: int) -> int:
-    """Sign of the torque that a joint transmits where it hardly has the other one, so that a gap stays pressed to one
-    side; else 0.
+    """The sign of the torque that a joint transmits where it hardly ever has the other sign, so that a gap stays
+    pressed to one side; else 0.
     """
     for sign in (1, -1):
         if (sign * scene.rigid[:, joint] < 0).mean() < ONE_SIDED:
@@ -148,8 +149,12 @@ class Backlash(JointElasticity):
     equation = "|q_motor - q_link| <= gap / 2: the link moves freely; beyond: as an elastic joint"
     source = "Nordin, Gutman 2002, Automatica 38(10)"
     sharp = True
-    aliases = (Alias("joint_elasticity", _OTHER), Alias("hysteresis", _OTHER), Alias("time_delay", _OTHER))
-    relatives = ("joint_elasticity", "time_delay")
+    aliases: tuple[Alias, ...] = (
+        Alias("joint_elasticity", _OTHER),
+        Alias("hysteresis", _OTHER),
+        Alias("time_delay", _OTHER),
+    )
+    relatives: tuple[str, ...] = ("joint_elasticity", "time_delay")
     needs = "a transmitted torque that changes sign"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -204,15 +209,12 @@ class _SimulatedLink:
 
 
 def behind(scene: Scene, joint: int, thetas: Sequence[Theta]) -> list[dict[int, np.ndarray]]:
-    """For each theta, columns of a link that follows its motor through spring and gap, on every joint that feels it:
-    torque with it less
-    torque without.
+    """For each theta, columns of a link that follows its motor through spring and gap: the torque with it less the
+    torque without, on every joint that it acts on.
 
-    A run that starts at rest starts against the side that the torque pushes to; one that starts in motion with the
-    twist that its torque
-    shows. Without a gap everything is linear, and two more columns for each run (the first `STARTS`) are what the link
-    adds that
-    swings at its start, by its angle and by its speed.
+    A run that starts at rest starts on the side of the gap that the torque pushes to; one that starts in motion starts
+    with the twist that its torque shows. Without a gap everything is linear, and two more columns for each of the first
+    `STARTS` runs are what a link adds that swings at the start, by its angle and by its speed.
     """
     motion, usual = scene.motion, scene.joint(joint).usual_inertia
     links: list[_SimulatedLink] = []

@@ -22,9 +22,9 @@ from typing import cast
 
 import numpy as np
 
-from cosim.engine.initialisation import InitialInputs, initial_sources, wired
+from cosim.engine.initialisation import InitialInputs, initial_sources, strangers, wired
 from cosim.engine.initialisation import initialise as initialise_in_python
-from cosim.engine.native import Arena
+from cosim.engine.native import Arena, NativeOperation, NativePhase, check_layout
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, RunProgress, blamed, interrupted, keep, marked, watched
 from cosim.engine.reference import execute as execute_in_python
@@ -66,6 +66,7 @@ class _NativeInstance(ctypes.Structure):
         ("terminate", c_void_p),
         ("early", c_void_p),
         ("reached", c_void_p),
+        ("strange", c_int64),
     ]
 
 
@@ -121,7 +122,16 @@ def _library():
 
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
-    """A compiled fmu_src/executor with the types of its functions."""
+    """A compiled fmu_src/executor with the types of its functions. Raises ImportError where its structs are others."""
+    mirrors = {
+        "Operation": NativeOperation,
+        "Phase": NativePhase,
+        "Instance": _NativeInstance,
+        "Bank": _NativeBank,
+        "Start": _NativeStart,
+        "Job": _NativeExecution,
+    }
+    check_layout(library, mirrors)
     library.execute.argtypes = [POINTER(_NativeExecution), c_int64]
     library.initialise.argtypes = [POINTER(_NativeExecution), c_void_p, c_int64]
     library.execute.restype = library.initialise.restype = c_int
@@ -155,10 +165,10 @@ class _Begin:
 
     def __init__(self, wiring: Wiring, instances: Sequence[FmuInstance]) -> None:
         schedule = wiring.schedule
-        self.instances, self.arena = instances, Arena()
+        self.instances, self.arena, strange = instances, Arena(), strangers(wiring)
         self.store = np.zeros(2 * schedule.outputs)
         natives = (_NativeInstance * len(instances))(
-            *[_native(s, o, self.arena) for s, o in zip(instances, schedule.offset)]
+            *[_native(s, o, self.arena, k in strange) for k, (s, o) in enumerate(zip(instances, schedule.offset))]
         )
         self.job = _NativeExecution(
             instances=self.arena.structures(natives), store=self.arena.array(self.store), n_outputs=schedule.outputs
@@ -226,7 +236,7 @@ class _StartValues:
         self.given = values
 
 
-def _native(instance: FmuInstance, offset: int, arena: Arena) -> _NativeInstance:
+def _native(instance: FmuInstance, offset: int, arena: Arena, strange: bool) -> _NativeInstance:
     native = _NativeInstance(
         instance=instance.component,
         input_refs=arena.structures(instance.references(instance.input_names)),
@@ -240,6 +250,7 @@ def _native(instance: FmuInstance, offset: int, arena: Arena) -> _NativeInstance
         n_slopes=len(instance.slopes),
         n_outputs=len(instance.outputs),
         offset=offset,
+        strange=strange,
     )
     if isinstance(instance, Fmi2Instance):
         native.set2, native.get2 = instance.address("SetReal"), instance.address("GetReal")
@@ -261,7 +272,10 @@ class _CompiledLoop:
     def __init__(self, job: Execution) -> None:
         self.arena, self.store = Arena(), job.store
         instances = (_NativeInstance * len(job.instances))(
-            *[_native(instance, at, self.arena) for instance, at in zip(_as_fmus(job.instances), job.schedule.offset)]
+            *[
+                _native(instance, at, self.arena, k in job.strange)
+                for k, (instance, at) in enumerate(zip(_as_fmus(job.instances), job.schedule.offset))
+            ]
         )
         for component in job.schedule.remembered:
             instances[component].remembered = 1

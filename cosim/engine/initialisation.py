@@ -9,6 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from cosim.engine.reference import marked
+from cosim.engine.rounding import kept
 from cosim.engine.texts import text_carriers
 from cosim.fmu.contract import FmuSettings, Instance
 from cosim.wiring import Wiring
@@ -33,6 +34,18 @@ def initialise(wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray |
     """
     schedule, mark = wiring.schedule, marked() if mark is None else mark
     wired(wiring, instances)
+    with kept():
+        store = _started(wiring, instances, schedule, mark)
+    store[schedule.outputs :] = store[: schedule.outputs]
+    return store
+
+
+def strangers(wiring: Wiring) -> frozenset[int]:
+    """Numbers of the components whose FMUs others have built."""
+    return frozenset(k for k, one in enumerate(wiring.scenario.components.values()) if one.fmu is not None)
+
+
+def _started(wiring: Wiring, instances: Sequence[Instance], schedule: Schedule, mark: np.ndarray) -> np.ndarray:
     for instance in _at_work(instances, mark):
         instance.slopes[:] = 0.0
         instance.start(wiring.starts[instance.name])
@@ -53,7 +66,6 @@ def initialise(wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray |
     for instance in _at_work(instances, mark):
         instance.begin()
     _collect(schedule, instances, store, mark)
-    store[schedule.outputs :] = store[: schedule.outputs]
     return store
 
 
@@ -90,7 +102,8 @@ def _at_work(instances: Sequence[Instance], mark: np.ndarray) -> Iterator[Instan
     """The instances one after another, each marked as the one at work."""
     for number, instance in enumerate(instances):
         mark[1] = number
-        yield instance
+        with kept():
+            yield instance
 
 
 def _collect(schedule: Schedule, instances: Sequence[Instance], store: np.ndarray, mark: np.ndarray) -> None:

@@ -15,9 +15,10 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.engine.compiled import CompiledExecutor
-from cosim.engine.initialisation import initialise
+from cosim.engine.initialisation import initialise, strangers
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, Executor, RunProgress, Watch, marked
+from cosim.engine.rounding import kept
 from cosim.engine.table import SignalColumns, SignalTable, stacked
 from cosim.engine.texts import text_carriers
 from cosim.errors import InputError, Problem, RunError, did_you_mean
@@ -135,7 +136,8 @@ class PreparedRun:
     @classmethod
     def of(cls, system: System, wiring: Wiring, record: Sequence[str] | None) -> PreparedRun:
         """What the system remembers, for this wiring, or a new one."""
-        instances, known = system.instances(wiring), system.prepared
+        with kept():
+            instances, known = system.instances(wiring), system.prepared
         key = None if record is None else tuple(record)
         found = known.get(key)
         if isinstance(found, PreparedRun) and found.wiring.schedule is wiring.schedule and found.instances is instances:
@@ -172,6 +174,7 @@ class PreparedRun:
             rows.drop,
             mark,
             text_carriers(wiring, instances) if texts else (),
+            strangers(wiring),
         )
         ending = (executor or self.compiled)(job, progress)
         return evolve(ending, messages=tuple(said for instance in instances for said in instance.said()))

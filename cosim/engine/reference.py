@@ -14,6 +14,7 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.engine.outcome import Outcome
+from cosim.engine.rounding import kept
 from cosim.errors import RunError
 from cosim.fmu.contract import Instance
 from cosim.fmu.messages import FmuMessage
@@ -68,7 +69,8 @@ class Execution:
     store: (2n,) current and previous outputs at t = 0; table: (rows, columns) to fill, row 0 included; columns:
     (columns,) which of the n outputs to record; every: communication steps per row; steps: communication steps in all;
     drop: called now and then with the number of rows that are filled; mark: (2,) where the run is (see `marked`);
-    carriers: a call for each component that hands texts over (see cosim.engine.texts).
+    carriers: a call for each component that hands texts over (see cosim.engine.texts); strange: components whose FMUs
+    others have built.
     """
 
     schedule: Schedule
@@ -82,6 +84,7 @@ class Execution:
     drop: Callable[[int], None] = lambda done: None
     mark: np.ndarray = field(factory=marked, repr=False)
     carriers: Sequence[Callable[[], None]] = ()
+    strange: frozenset[int] = frozenset()
 
 
 @frozen
@@ -148,7 +151,8 @@ class _Turn:
     """One phase with its operations bound to their instances; `columns` are the places that its row is taken from."""
 
     def __init__(self, phase: Phase, job: Execution) -> None:
-        self.mark, self.operations = job.mark, [(o.component, _bound(o, job)) for o in phase.operations]
+        self.mark = job.mark
+        self.operations = [(o.component, _guarded(_bound(o, job), o, job)) for o in phase.operations]
         self.columns = phase.record.source[job.columns]
 
     def act(self, done: int) -> bool:
@@ -159,6 +163,13 @@ class _Turn:
             if operation(done) is False:
                 going = False
         return going
+
+
+def _guarded(
+    action: Callable[[int], bool | None], operation: Operation, job: Execution
+) -> Callable[[int], bool | None]:
+    """The action, after which this thread computes as before."""
+    return kept()(action) if operation.component in job.strange else action
 
 
 def _bound(operation: Operation, job: Execution) -> Callable[[int], bool | None]:

@@ -49,11 +49,11 @@ class Bank:
     def set(self, checker: StatusChecker) -> None:
         if not self.shared:
             self.buffer[self.places] = self.array if self.guard is None else self.guard.fitting(self.array, checker)
-        if (status := self.call()) > 1:
+        if not 0 <= (status := self.call()) <= 1:
             checker.check(status, self.what)
 
     def get(self, checker: StatusChecker) -> None:
-        if (status := self.call()) > 1:
+        if not 0 <= (status := self.call()) <= 1:
             checker.check(status, self.what)
         if not self.shared:
             if self.guard is not None:

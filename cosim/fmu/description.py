@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
 from attrs import evolve, frozen
 
@@ -86,6 +88,7 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
         interface.needsExecutionTool,
         model.generationTool or "",
         given,
+        differentiates=_differentiates(path),
     )
 
 
@@ -118,7 +121,7 @@ def no_cosimulation(path: str, model: Any) -> Problem | None:
 
 def platforms_of(path: str) -> tuple[str, ...]:
     """The platforms that an FMU has a binary for, in its own words: `linux64`, `x86_64-windows`."""
-    from zipfile import BadZipFile, ZipFile
+    from zipfile import BadZipFile
 
     try:
         with ZipFile(path) as archive:
@@ -131,6 +134,14 @@ def platforms_of(path: str) -> tuple[str, ...]:
 
 def _optional(text: str | None) -> float | None:
     return float(text) if text else None
+
+
+def _differentiates(path: str) -> bool:
+    """Whether it gives directional derivatives in co-simulation; read here, since fmpy leaves it out for FMI 3.0."""
+    with ZipFile(path) as archive, archive.open("modelDescription.xml") as text:
+        interface = ElementTree.parse(text).getroot().find("CoSimulation")
+    names = ("providesDirectionalDerivative", "providesDirectionalDerivatives")
+    return interface is not None and any(interface.get(name) in ("true", "1") for name in names)
 
 
 def _has_states(model: Any) -> bool:

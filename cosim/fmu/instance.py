@@ -232,9 +232,9 @@ class FmuInstance(Instance):
             fmu.freeInstance()
 
     def check(self, status: int, what: str) -> None:
-        """Raise RunError, with the FMU's own words, for a status above warning."""
-        if status > 1:
-            raise self._error(f"{what} failed ({_STATUS.get(status, status)})")
+        """Raise RunError, with the FMU's own words, for a status above warning, or one that FMI does not know."""
+        if not 0 <= status <= 1:
+            raise self._error(f"{what} failed ({_STATUS.get(status, f'status {status}, which FMI does not know')})")
 
     def unfit(self, name: str, expected: str, got: float) -> None:
         """Raise RunError for a value that a variable's type cannot hold."""

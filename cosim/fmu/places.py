@@ -1,9 +1,6 @@
 """Where FMU files are: models and recordings built where they are missing, archives extracted once."""
 
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from hashlib import sha256
@@ -12,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError, Problem, RunError, did_you_mean
+from cosim.measured.reader import signals
 from cosim.scenario import Component, Scenario
 
 Progress = Callable[[str], None]
@@ -54,12 +52,10 @@ def _built(model: str, fmi: int, progress: Progress | None) -> Path:
 
 
 def _recording(component: Component, path: Path, scenario: Scenario, progress: Progress | None) -> Path:
-    """A Recording FMU that plays columns of a CSV (header line, comma) over its time column [s] as outputs y[1], y[2],
-    ...
-    """
+    """A Recording FMU that plays columns of a measured file over its time column as outputs y[1], y[2], ..."""
     from build_fmus import recording_fmu
 
-    table = played(component, path, scenario)
+    table = played(component, path, scenario, progress)
     columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")
     return recording_fmu(
@@ -67,11 +63,11 @@ def _recording(component: Component, path: Path, scenario: Scenario, progress: P
     )
 
 
-def played(component: Component, path: Path, scenario: Scenario) -> np.ndarray:
+def played(component: Component, path: Path, scenario: Scenario, progress: Progress | None = None) -> np.ndarray:
     """Time of the run [s] and columns of a recording, (rows, 1 + columns), moved by `offset` and repeated where that is
     wished. Raises InputError where recording and run have no time in common.
     """
-    table = read_columns(path, [component.time, *component.columns]).copy()
+    table = read_columns(path, component.time, component.columns, progress).copy()
     table[:, 0] += component.offset
     stop, first, last = scenario.experiment.stop, float(table[0, 0]), float(table[-1, 0])
     if component.repeat and len(table) > 1:
@@ -109,45 +105,34 @@ def recording_warnings(component: Component, scenario: Scenario) -> tuple[str, .
     return tuple(found)
 
 
-def read_columns(path: Path, names: Sequence[str]) -> np.ndarray:
-    """Columns of a CSV file with a header line, in the order asked for, as (rows, columns). Raises InputError."""
-    return _read_columns(str(path), stamp(path), tuple(names))
+def read_columns(path: Path, time: str, names: Sequence[str], progress: Progress | None = None) -> np.ndarray:
+    """Time [s] and columns of a measured file of any kind, as (rows, 1 + columns). Raises InputError."""
+    table, notes = _read_columns(str(path), stamp(path) if path.is_file() else (0, 0), time, tuple(names))
+    for note in notes if progress is not None else ():
+        progress(note)
+    return table
 
 
 @lru_cache(maxsize=8)
-def _read_columns(path: str, _: tuple[int, int], names: tuple[str, ...]) -> np.ndarray:
-    with open(path, encoding="utf-8") as stream:
-        lines = [line for line in stream if not line.startswith("#")]
-    header = [name.strip() for name in lines[0].split(",")] if lines else []
-    missing = [name for name in names if name not in header]
-    if missing:
-        raise InputError([Problem(str(path), "a column", repr(n), did_you_mean(n, header)) for n in missing])
-    try:
-        data = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:] if line.strip()])
-    except ValueError as error:
-        raise InputError(Problem(str(path), "numbers", str(error))) from None
-    if not data.size:
-        raise InputError(Problem(str(path), "rows of numbers", "none"))
-    return data[:, [header.index(name) for name in names]]
+def _read_columns(
+    path: str, _: tuple[int, int], time: str, names: tuple[str, ...]
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    notes: list[str] = []
+    stamps, values = signals(Path(path), time, names, notes.append)
+    return np.column_stack([stamps, values]), tuple(notes)
 
 
 def extracted(path: Path) -> Path:
     """Folder with the contents of an FMU, extracted once per content (absolute, kept in the cache)."""
-    import fmpy
-
     from build_fmus.cache import cache_folder
+    from build_fmus.unpacking import UnpackError, unpack
 
     folder = cache_folder() / "extracted" / digest(str(path), *stamp(path))[:24]
     if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".part-"))
         try:
-            fmpy.extract(path, fresh)
-            os.replace(fresh, folder)
-        except OSError as error:
-            shutil.rmtree(fresh, ignore_errors=True)
-            if not folder.is_dir():
-                raise RunError(path.name, None, f"cannot be extracted: {error}") from None
+            unpack(path, folder)
+        except (OSError, UnpackError) as error:
+            raise RunError(path.name, None, f"cannot be extracted: {error}") from None
     return folder.resolve()
 
 

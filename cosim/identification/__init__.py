@@ -1,1 +1,1 @@
-"""Identification: excitation, regressors, estimates, intervals, what the data can and cannot show."""
+"""Identification: excitation, regressors, estimates, their intervals, and which parameters the data determine."""

@@ -1,4 +1,4 @@
-"""identification.json: the keys of CONTRACT.md, and what stands beside them."""
+"""identification.json: the keys of CONTRACT.md and further ones."""
 
 import math
 from importlib.metadata import version

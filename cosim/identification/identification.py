@@ -1,4 +1,4 @@
-"""One identification: recording in; parameters with honest intervals, errors on held-out rows, and doubts out."""
+"""One identification: from a recording to parameters with intervals, errors on held-out rows, and doubts."""
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -13,7 +13,7 @@ from cosim.identification.stack import Stack, coulomb_label, everything, stack, 
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording
 
-STILL = 30.0  # counts: a joint that moves less is taken as still
+STILL = 30.0  # encoder counts: a joint that moves less is taken as still
 
 
 @frozen

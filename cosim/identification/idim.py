@@ -42,10 +42,10 @@ class Idim:
 
 def idim(recording: Recording, other: np.ndarray) -> Idim | None:
     """IDIM-LS of an `axis` recording, beside the errors of the parameters `other`; None where the rate is too low for
-    it.
+    it, or torques were clipped.
     """
     axis = recording.device
-    if not isinstance(axis, AxisDevice) or any(run.step > 1.3e-3 for run in recording.runs):
+    if not isinstance(axis, AxisDevice) or any(run.step > 1.3e-3 or run.clipped is not None for run in recording.runs):
         return None
     train, held = _rows(recording, axis, False), _rows(recording, axis, True)
     if train is None:

@@ -96,7 +96,9 @@ def _blocks(stack: Stack, stamp: np.ndarray, length: int) -> np.ndarray:
     return numbers[np.searchsorted(used, stamp)]
 
 
-def _jackknife(y, residual, weights, number, normal) -> tuple[np.ndarray, int]:
+def _jackknife(
+    y: np.ndarray, residual: np.ndarray, weights: np.ndarray, number: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, int]:
     """Change of the scaled parameters when each block is left out, (blocks, p)."""
     blocks = int(number.max()) + 1
     order = np.argsort(number, kind="stable")

@@ -1,10 +1,9 @@
 """The gain ladder of Taati 4.3: up to which gains does inverse dynamics control stay stable, with which parameters?
 
 Each rung is a co-simulation of scenario `inverse-dynamics` with the loop's delay of a real rig (the arm's
-`time_delay`), at
-Kd = 2 zeta sqrt(Kp). The two loops of the scenario are run apart, so that one that leaves its domain does not end the
-other.
-A rung holds where the arm stays in its domain and has come to rest at the end of every half pulse.
+`time_delay`), at Kd = 2 zeta sqrt(Kp). The two loops of the scenario are run apart, so that one that leaves its domain
+does not end the other. A rung holds where the arm stays in its domain and has come to rest at the end of every half
+pulse.
 """
 
 from collections.abc import Sequence
@@ -12,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
-from cosim.engine.master import Result, run
+from cosim.engine.master import Result, System, run
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
 from cosim.scenario import Scenario, load_scenario, with_parameters
@@ -77,7 +76,7 @@ def limit(rungs: Sequence[Rung]) -> float:
     return max((rung.proportional for rung in rungs if rung.held), default=0.0)
 
 
-def _rung(scenario: Scenario, system, parameters: str, gain: float, rate: float) -> Rung:
+def _rung(scenario: Scenario, system: System, parameters: str, gain: float, rate: float) -> Rung:
     gains = {"controller*.proportional_gain": float(gain), "controller*.derivative_gain": float(rate)}
     result = run(with_parameters(scenario, gains), system, record=["arm.q", "arm.dq", "excitation.q_ref"])
     error = result.vector("arm.q") - result.vector("excitation.q_ref")

@@ -1,6 +1,7 @@
 """How an identification treats its data: cutoffs, the common low-pass filter, reversals, and the fit, each named."""
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -9,11 +10,14 @@ from cosim.errors import InputError, Problem
 from cosim.measured.filtering import FilteredMotion, FirstOrder, LowPass, Window, ZeroPhase, bandwidth, near_reversal
 from cosim.measured.recording import Recording
 
+REACH = 0.5 * (1 + 1 / 6)  # reach of the two windows to either side, in periods of the common low-pass
+
 
 class Reversals(ABC):
     """What is done where a joint turns round, where the sign of the measured velocity is wrong (PHYSICS.md 4)."""
 
     smoothing: float = 0.0  # rad/s over which the sign is smoothed
+    heed_clipping: ClassVar[bool] = True  # whether rows with clipped torques are left out
 
     def slowest(self, usual_speed: np.ndarray) -> np.ndarray | None:
         """Smallest speed (nj,) of the rows in use, None where the sign's law is given or all rows are used."""
@@ -72,6 +76,8 @@ class SmoothLaw(Reversals):
 class KeepAll(Reversals):
     """All rows with sgn(dq), as the paper does."""
 
+    heed_clipping: ClassVar[bool] = False
+
     def keep(self, motion: FilteredMotion, spread: tuple[int, int], usual_speed: np.ndarray) -> np.ndarray:
         return np.ones(motion.dq.shape, bool)
 
@@ -83,9 +89,9 @@ class KeepAll(Reversals):
 class Method:
     """One way from a recording to parameters.
 
-    before: low-pass of q (and of tau where `both_sides`) before differentiation;
-    low_pass: over both sides of the equation; weighted: joints weighted by their residual; robust: Huber's weights;
-    physical: constrained to M > 0 over the workspace and to friction that dissipates.
+    before: low-pass of q (and of tau where `both_sides`) before differentiation; low_pass: over both sides of the
+    equation; weighted: joints weighted by their residual; robust: Huber's weights; physical: constrained to M > 0 over
+    the workspace and to friction that dissipates.
     """
 
     name: str
@@ -121,12 +127,33 @@ class Method:
 def suggested(recording: Recording) -> Method:
     """The default: cutoffs from the band of the motion, rows near reversals left out, joints weighted.
 
-    The common low-pass lies at twelve times the motion's band, the one before differentiation at six times that.
+    The common low-pass lies at twelve times the motion's band, the one before differentiation at six times that. Where
+    torques were clipped, both together reach to either side at most half of the usual stretch between, so that the
+    longer half of the stretches keep rows. A shorter reach would keep more and let the encoder's noise into the
+    acceleration, which makes inertias too small (errors in variables).
     """
     rate = 1 / max(run.step for run in recording.runs)
     low = float(np.clip(12 * bandwidth(recording), 2.0, 0.1 * rate))
+    free = _between_clipped(recording)
+    if free:
+        low = float(np.clip(2 * REACH / free, low, 0.1 * rate))
     law = LeaveOut(smoothing=recording.description.coulomb_velocity)
     return Method("default", Window(min(6 * low, 0.2 * rate)), Window(low), law)
+
+
+def _between_clipped(recording: Recording) -> float:
+    """Length [s] of the stretch without clipped torques in which the middle one of such rows stands; 0 without any."""
+    lengths = []
+    for run in recording.runs:
+        for rows in () if run.clipped is None else run.clipped.T:
+            edges = np.flatnonzero(np.diff(np.r_[1, rows.astype(int), 1]))
+            lengths += [(stop - start, run.step) for start, stop in edges.reshape(-1, 2)]
+    if not lengths:
+        return 0.0
+    lengths.sort()
+    counts = np.array([count for count, _ in lengths])
+    count, step = lengths[int(np.searchsorted(np.cumsum(counts), counts.sum() / 2))]
+    return float(count * step)
 
 
 def taati(recording: Recording, velocity_cutoff: float = 30.0) -> Method:

@@ -9,7 +9,7 @@ from cosim.identification.linear_model import LinearModel, linear_model
 from cosim.identification.method import Method
 from cosim.identification.regressor import RegressorColumns, slow_columns
 from cosim.measured.device import Device
-from cosim.measured.filtering import FilteredMotion, motion
+from cosim.measured.filtering import FilteredMotion, motion, widened
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
@@ -18,8 +18,9 @@ from cosim.measured.recording import Recording, Run
 class Stack:
     """Linear model of a recording: y (n, nj, p), tau and its rate (n, nj); n counts time stamps of all runs.
 
-    keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; test (n,): held out;
-    run (n,): number of the run; time (n,) [s]; q, dq (n, nj) as filtered; step [s] between rows.
+    keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; whole (n, nj): rows
+    whose torque no filter mixes with a clipped one; test (n,): held out; run (n,): number of the run; time (n,) [s]; q,
+    dq (n, nj) as filtered; step [s] between rows.
     """
 
     y: np.ndarray
@@ -27,6 +28,7 @@ class Stack:
     tau_rate: np.ndarray
     keep: np.ndarray
     settled: np.ndarray
+    whole: np.ndarray
     test: np.ndarray
     run: np.ndarray
     time: np.ndarray
@@ -66,6 +68,7 @@ def stack(recording: Recording, method: Method) -> Stack:
         tau_rate=np.concatenate([piece.tau_rate for piece in pieces]),
         keep=np.concatenate([piece.keep for piece in pieces]),
         settled=np.concatenate([piece.settled for piece in pieces]),
+        whole=np.concatenate([piece.whole for piece in pieces]),
         test=np.concatenate([piece.test for piece in pieces]),
         run=np.concatenate([piece.run for piece in pieces]),
         time=np.concatenate([piece.time for piece in pieces]),
@@ -91,7 +94,8 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
     )
     before, after = (sum(rows) for rows in zip(method.low_pass.spread(step), method.before.spread(step), strict=True))
     settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
-    keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None]
+    whole = _whole(moved.run, method, (before, after))
+    keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None] & whole
     columns = _with_tail(columns, model.device, moved, method, speed)
     pick = slice(None, None, method.low_pass.decimation(step))
     return Stack(
@@ -100,6 +104,7 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
         tau_rate=method.low_pass.rate(moved.tau, step)[pick],
         keep=keep[pick],
         settled=settled[pick],
+        whole=whole[pick],
         test=moved.run.test[pick],
         run=np.full(len(columns.tau[pick]), number),
         time=moved.time[pick],
@@ -109,6 +114,17 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
         labels=columns.labels,
         units=columns.units,
     )
+
+
+def _whole(run: Run, method: Method, reach: tuple[int, int]) -> np.ndarray:
+    """Rows (n, nj) whose filtered torque holds no clipped value.
+
+    Rows are chosen by the torque, but in contiguous stretches that end a filter's reach away from the limit: noise that
+    lasts shorter than that does not choose them, so that what is left is not biased.
+    """
+    if run.clipped is None or not method.reversals.heed_clipping:
+        return np.ones(run.tau.shape, bool)
+    return ~np.stack([widened(rows, reach) for rows in run.clipped.T], axis=1)
 
 
 def _with_tail(
@@ -156,10 +172,11 @@ def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
     """Where leaving out reversals leaves less than a twentieth of the rows of a joint, all its rows are kept, with a
     note.
     """
-    train, keep, notes = full.settled & ~full.test, full.keep.copy(), []
+    keep, notes = full.keep.copy(), []
     for j, joint in enumerate(joints):
+        train = full.settled & ~full.test & full.whole[:, j]
         if full.fit[:, j].sum() < max(0.05 * train.sum(), 3 * full.y.shape[2]):
-            keep[:, j] = full.settled
+            keep[:, j] = full.settled & full.whole[:, j]
             notes.append(
                 f"{joint}: almost all rows are near a reversal; none left out, Coulomb friction is not reliable"
             )
@@ -167,5 +184,5 @@ def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
 
 
 def everything(full: Stack) -> Stack:
-    """The same rows with none left out at reversals."""
-    return evolve(full, keep=np.repeat(full.settled[:, None], full.tau.shape[1], axis=1))
+    """The same rows with none left out at reversals; clipped ones stay out."""
+    return evolve(full, keep=full.settled[:, None] & full.whole)

@@ -1,6 +1,6 @@
 """Files to a Recording: descriptions found, units applied, runs separated, repairs made, held-out rows marked."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,11 @@ from cosim.errors import InputError, Problem
 from cosim.measured import doubts, units
 from cosim.measured.columns import LISTS, ColumnNames
 from cosim.measured.description import RecordingDescription, load_description
+from cosim.measured.notes import Notes
 from cosim.measured.reader import RawTable, needed, read_table
 from cosim.measured.recording import Recording, Run
-from cosim.measured.repairs import Stretch, recentred, repair
+from cosim.measured.repairs import recentred, repair
+from cosim.measured.stretch import Stretch
 
 # What scenario `identification` records: encoder angles, and the torque that the amplifier holds from one sample to
 # the next.
@@ -44,8 +46,8 @@ def read(
 ) -> Recording:
     """Read files into one recording; `test` files are held out.
 
-    Held-out rows: those of `test`, else of the split column, else the second half of each recording.
-    Raises InputError with what is wrong where; repairs are in the recording's `warnings`.
+    Held-out rows: those of `test`, else of the split column, else the second half of each recording. Raises InputError
+    with what is wrong where; repairs are in the recording's `warnings`.
     """
     fit, held = [Path(path) for path in paths], [Path(path) for path in test]
     if not fit:
@@ -54,11 +56,14 @@ def read(
     tables += [(read_table(path), True) for path in held]
     _same_file_twice(fit, held)
     chosen = _description([table for table, _ in tables], description)
-    warnings: list[str] = [note for table, _ in tables for note in table.warnings]
-    runs = _runs(tables, chosen, warnings.append)
-    runs = _held_out(runs, bool(held), warnings.append)
-    recording = Recording(chosen, tuple(runs), tuple(warnings), tuple(str(path) for path in (*fit, *held)))
-    return evolve(recording, warnings=(*warnings, *doubts.check(recording)))
+    notes = Notes()
+    for table, _ in tables:
+        for text in table.warnings:
+            notes(text)
+    runs = _held_out(_runs(tables, chosen, notes), bool(held), notes)
+    recording = Recording(chosen, tuple(runs), files=tuple(str(path) for path in (*fit, *held)))
+    doubts.check(recording, notes)
+    return evolve(recording, warnings=tuple(notes.warnings), doubts=tuple(notes.doubts))
 
 
 def _same_file_twice(fit: Sequence[Path], held: Sequence[Path]) -> None:
@@ -93,14 +98,14 @@ def _default(table: RawTable) -> RecordingDescription:
 
 
 def _runs(
-    tables: Sequence[tuple[RawTable, bool]], description: RecordingDescription, note: Callable[[str], None]
+    tables: Sequence[tuple[RawTable, bool]], description: RecordingDescription, note: Notes
 ) -> list[tuple[Run, bool | None]]:
     """Repaired runs; beside each: held out as a whole (True), by its own mask (None), or not said (False)."""
     runs, problems = [], []
     several = len(tables) > 1
     for table, held in tables:
         try:
-            columns = needed(table, description)
+            columns = needed(table, description, note)
             for part in _parts(table.path.stem, columns, description, several):
                 runs += _repaired(part, columns, description, held, note)
         except InputError as error:
@@ -143,18 +148,31 @@ def _repaired(
     columns: Mapping[str, np.ndarray],
     description: RecordingDescription,
     held: bool,
-    note: Callable[[str], None],
+    note: Notes,
 ) -> list[tuple[Run, bool | None]]:
     layout = _layout(description)
     signals = np.column_stack([columns[name][part.rows] * factor for _, name, factor in layout])
-    time = columns[description.columns.time][part.rows] * description.factor("time", 0)
+    time = columns[description.columns.time][part.rows]
     test = np.zeros(len(part.rows), bool) if part.test is None else part.test
     positions = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("q", "q_ref"))
     names = tuple(name for _, name, _ in layout)
-    held_torque = tuple(k for k, (role, _, _) in enumerate(layout) if role == "tau") if description.torque_held else ()
-    stretch = Stretch(part.name, time, signals, names, test, positions, not description.prismatic)
+    torques = tuple(k for k, (role, _, _) in enumerate(layout) if role == "tau")
+    factors = tuple(factor for _, _, factor in layout)
+    angles = not description.prismatic
+    computed = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("regressor", "rigid"))
+    spans = tuple(_span(columns[name]) * abs(factor) for _, name, factor in layout)
+    stretch = Stretch(
+        part.name, time, signals, names, test, positions, angles, torques, computed, factors, spans, part.rows
+    )
+    held_torque = torques if description.torque_held else ()
     whole = True if held else (None if part.test is not None else False)
     return [(_run(recentred(piece, held_torque, note), layout), whole) for piece in repair(stretch, note)]
+
+
+def _span(values: np.ndarray) -> float:
+    """Range of the middle 99 % of a column."""
+    finite = values[np.isfinite(values)]
+    return float(np.subtract(*np.quantile(finite, (0.995, 0.005)))) if len(finite) else 0.0
 
 
 def _layout(description: RecordingDescription) -> list[tuple[str, str, float]]:
@@ -177,6 +195,7 @@ def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]]) -> Run:
     q, tau, rigid = block("q"), block("tau"), block("rigid")
     assert q is not None and tau is not None, "every description names the columns of q and tau"
     other = {name: stretch.signals[:, k].copy() for k, (role, name, _) in enumerate(layout) if role == "other"}
+    torques = [k for k, (role, _, _) in enumerate(layout) if role == "tau"]
     return Run(
         name=stretch.name,
         time=stretch.time,
@@ -190,10 +209,11 @@ def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]]) -> Run:
         regressor=block("regressor"),
         rigid=None if rigid is None else rigid[:, 0],
         other=other,
+        clipped=None if stretch.clipped is None else stretch.clipped[:, torques],
     )
 
 
-def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note: Callable[[str], None]) -> list[Run]:
+def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note: Notes) -> list[Run]:
     """Mark the held-out rows by the rule of the contract."""
     split = any(whole is None for _, whole in runs)
     if test_given or split:

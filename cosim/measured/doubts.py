@@ -5,6 +5,8 @@ data.
 import numpy as np
 
 from cosim.errors import InputError, Problem
+from cosim.measured import plausibility
+from cosim.measured.notes import Notes
 from cosim.measured.recording import Recording, Run
 
 SUSPECT = (
@@ -15,13 +17,25 @@ SUSPECT = (
 )
 
 
-def check(recording: Recording) -> list[str]:
-    """Doubts in words. Raises InputError for a dead channel or a unit that cannot be right."""
+def check(recording: Recording, notes: Notes) -> None:
+    """Tell what is doubtful. Raises InputError for a dead channel or a unit that cannot be right."""
     problems = _constant(recording) + _too_large(recording)
-    velocity_problems, notes = _velocities(recording)
+    velocity_problems, velocities = _velocities(recording)
     if problems + velocity_problems:
         raise InputError(problems + velocity_problems)
-    return notes + _stuck_in_some(recording) + _interleaved(recording) + _filtered(recording) + _outside(recording)
+    found = {
+        "velocity": velocities,
+        "constant": _stuck_in_some(recording),
+        "interleaved": _interleaved(recording),
+        "filtered": _filtered(recording),
+        "outside": _outside(recording),
+        "swapped": plausibility.swapped(recording),
+        "unit": plausibility.fast(recording) + plausibility.runs_apart(recording),
+        "drift": plausibility.drifting(recording),
+    }
+    for kind, texts in found.items():
+        for text in texts:
+            notes(text, kind)
 
 
 def _constant(recording: Recording) -> list[Problem]:
@@ -130,8 +144,8 @@ def _continues(first: Run, second: Run) -> bool:
 def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
     """Frequency, as a share of the Nyquist frequency, above which a low-pass filter has emptied the spectrum.
 
-    `order` differences are taken first, which flattens the spectrum of a position. The mark of a filter is a sharp
-    fall: four decades of power within half an octave that stays down. None where there is no such mark.
+    `order` differences are taken first, which flattens the spectrum of a position. A filter shows as a sharp fall that
+    does not recover: four decades of power within half an octave. None where there is none.
     """
     from scipy.signal import welch
 
@@ -151,13 +165,12 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
 
 
 def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float | None:
-    """Frequency [Hz] above which the acceleration (n,) holds next to nothing though the torque (n,) does; None:
-    nowhere.
+    """Frequency [Hz] above which the acceleration (n,) is almost empty though the torque (n,) is not; None where there
+    is no such frequency.
 
     gain(f) = sqrt(S_tau / S_ddq) is an inertia at low frequencies; sensor noise makes it fall with f. Where it rises
-    20-fold
-    the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out: central
-    differences have a zero there.
+    20-fold the position was low-passed (or computed) and the torque was not. The top quarter below Nyquist is left out:
+    central differences have a zero there.
     """
     from scipy.signal import welch
 

@@ -227,9 +227,14 @@ def near_reversal(dq: np.ndarray, step: float, spread: tuple[int, int], threshol
     """
     slow = np.abs(dq) < threshold
     slow[1:] |= np.signbit(dq[1:]) != np.signbit(dq[:-1])
+    return widened(slow, spread)
+
+
+def widened(rows: np.ndarray, spread: tuple[int, int]) -> np.ndarray:
+    """Rows (n,) within `spread` rows before and after the marked ones (n,): where a filter of that reach sees them."""
     before, after = spread
-    edges = np.zeros(len(dq) + 1)
-    instants = np.flatnonzero(slow)
+    edges = np.zeros(len(rows) + 1)
+    instants = np.flatnonzero(rows)
     np.add.at(edges, np.maximum(instants - before, 0), 1)
-    np.add.at(edges, np.minimum(instants + after + 1, len(dq)), -1)
+    np.add.at(edges, np.minimum(instants + after + 1, len(rows)), -1)
     return np.cumsum(edges)[:-1] > 0

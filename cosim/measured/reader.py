@@ -1,218 +1,231 @@
-"""Measured files to plain columns: CSV, Parquet, MAT and our own result.h5."""
+"""One door for measured files of every kind: the file's columns, and those that a description or a scenario names."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from attrs import frozen
 
-from cosim.errors import InputError, Problem, did_you_mean
+from cosim.errors import InputError, Problem
+from cosim.measured import content, units
+from cosim.measured.alignment import aligned
 from cosim.measured.description import RecordingDescription
+from cosim.measured.pairs import with_joined_stamps
+from cosim.measured.stamps import StampUnit, check_step, origin, seconds, typical_step
+from cosim.measured.table import RawTable
 
-if TYPE_CHECKING:
-    from pyarrow import ChunkedArray, Table
-
-SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".mat", ".h5", ".hdf5")
-
-
-@frozen(eq=False)
-class RawTable:
-    """Columns of one file as they stand: numbers (n,) float64 or labels (n,) str."""
-
-    path: Path
-    columns: Mapping[str, np.ndarray]
-    warnings: tuple[str, ...] = ()
+Note = Callable[[str], None]
 
 
 def read_table(path: Path | str) -> RawTable:
-    """All columns of a file. Raises InputError with the file's name where it cannot be read."""
+    """All columns of a file, by its content and then its suffix. Raises InputError where it cannot be read."""
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(Problem(str(path), f"a file of {', '.join(SUFFIXES)}", repr(path.suffix)))
-    if not path.is_file():
-        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*")]) if path.parent.is_dir() else ""
-        raise InputError(Problem(str(path), "a file", "nothing there", near))
-    if path.stat().st_size == 0:
-        raise InputError(Problem(str(path), "data", "an empty file"))
-    kind = path.suffix.lower()
-    if kind == ".parquet":
-        return _parquet(path)
-    if kind == ".mat":
-        return _mat(path)
-    return _result(path) if kind in (".h5", ".hdf5") else _csv(path)
+    kind = content.kind_of(path)
+    table = with_joined_stamps(_reader(kind)(path))
+    if not len(table.columns):
+        held = "; ".join(f"{thing}: {why}" for thing, why in table.unread.items())
+        raise InputError(Problem(str(path), "columns of numbers", f"{content.article(kind)} file without any", held))
+    return table
 
 
-def needed(table: RawTable, description: RecordingDescription) -> dict[str, np.ndarray]:
-    """The columns that the description names, numbers as float64. Raises InputError with every problem."""
-    wanted, problems, found = description.columns, [], {}
-    missing = [name for name in (*wanted.numeric(), *wanted.labels()) if name not in table.columns]
-    if missing:
-        raise InputError(_missing(table, missing))
-    for name in wanted.labels():
-        found[name] = table.columns[name].astype(str)
-    for name in wanted.numeric():
-        found[name] = _numbers(table, name, problems)
+def _reader(kind: str) -> Callable[[Path], RawTable]:
+    """The reader of a kind of file, imported when it is needed."""
+    if kind == content.TEXT:
+        from cosim.measured.text import read_text
+
+        return read_text
+    if kind in (content.PARQUET, content.ARROW):
+        from cosim.measured.columnar import read_columnar
+
+        return lambda path: read_columnar(path, kind)
+    if kind == content.MATLAB:
+        from cosim.measured.matlab import read_matlab
+
+        return read_matlab
+    if kind == content.HDF5:
+        from cosim.measured.hdf5 import read_hdf5
+
+        return read_hdf5
+    if kind == content.NPZ:
+        from cosim.measured.npz import read_npz
+
+        return read_npz
+    if kind == content.MDF:
+        from cosim.measured.mdf import read_mdf
+
+        return read_mdf
+    from cosim.measured.ros import read_ros
+
+    return lambda path: read_ros(path, kind)
+
+
+def needed(table: RawTable, description: RecordingDescription, note: Note) -> dict[str, np.ndarray]:
+    """The columns that the description names: time in seconds, numbers as float64, labels as text.
+
+    A signal whose own unit the file names and the description does not is converted to SI, and told.
+    Raises InputError with every problem.
+    """
+    names = description.columns
+    time = _time_column(table, names.time, names.q)
+    wanted = {name: name for name in (*names.labels(), *names.numeric()) if name != names.time} | {names.time: time}
+    unit = StampUnit(_first(description.units.get("time")), scale=_first(description.scale.get("time"), 1.0))
+    found = columns(table, wanted, names.time, unit, note)
+    check_step(found[names.time], table.columns[table.find(time)], f"{table.path.name}: {time}")
+    for name in names.labels():
+        found[name] = found[name].astype(str)
+    problems: list[Problem] = []
+    for name in names.numeric():
+        if name != names.time:
+            found[name] = _numbers(table, name, found[name], problems)
+    found |= _in_si(table, description, found, problems, note)
     if problems:
         raise InputError(problems)
     return found
 
 
-def _missing(table: RawTable, names: list[str]) -> Problem:
-    near = [text for name in names if (text := did_you_mean(name, table.columns))]
-    advice = f"the file has: {', '.join(list(table.columns)[:24])}" if len(near) < len(names) else "; ".join(near)
-    beside = sorted(p.name for p in table.path.parent.glob("*.toml") if p.stem != table.path.stem)
-    if beside and not table.path.with_suffix(".toml").exists():
-        advice += f"; is its description one of {', '.join(beside[:4])}? (--description)"
-    return Problem(f"{table.path}", f"the columns {', '.join(names)}", "a file without them", advice)
+def signals(path: Path, time: str, names: Sequence[str], note: Note) -> tuple[np.ndarray, np.ndarray]:
+    """Time (n,) [s] and the named columns (n, k) of a file, as a scenario plays them. Raises InputError."""
+    table = read_table(path)
+    for told in table.warnings:
+        note(told)
+    found = columns(table, {name: name for name in (time, *names)}, time, StampUnit(), note)
+    problems: list[Problem] = []
+    numbers = [_numbers(table, name, found[name], problems) for name in names]
+    if problems:
+        raise InputError(problems)
+    return found[time], np.column_stack(numbers)
 
 
-def _numbers(table: RawTable, name: str, problems: list[Problem]) -> np.ndarray:
+def columns(
+    table: RawTable, wanted: Mapping[str, str], time: str, unit: StampUnit, note: Note
+) -> dict[str, np.ndarray]:
+    """Columns by the names that they were asked by, all on the stamps of `time`, which becomes seconds."""
+    whole = _found(table, wanted)
+    unit = StampUnit(unit.described, _told_unit(table, whole[time]), unit.scale)
+    raw = table.columns[whole[time]]
+    where = f"{table.path.name}: {whole[time]}"
+    stamps = seconds(raw, unit, where, note)
+    result = {}
+    for name, column in whole.items():
+        if name == time:
+            result[name] = stamps
+        elif _clock(table, column) == _clock(table, whole[time]):
+            result[name] = table.columns[column]
+        else:
+            result[name] = _on_stamps(table, column, stamps, raw, note)
+    _same_length(table, result, whole, time)
+    return result
+
+
+def _found(table: RawTable, wanted: Mapping[str, str]) -> dict[str, str]:
+    """The whole name of each column; all that are missing are one problem."""
+    problems, missing, whole = [], [], {}
+    for asked, name in wanted.items():
+        try:
+            whole[asked] = table.find(name)
+        except InputError as error:
+            if name in table.short:
+                problems += error.problems
+            else:
+                missing.append(name)
+    problems += [table.missing(missing)] if missing else []
+    if problems:
+        raise InputError(problems)
+    return whole
+
+
+def _time_column(table: RawTable, time: str, q: Sequence[str]) -> str:
+    """The time column; where none or several have its name, the stamps of the first position where it has its own."""
+    first = (q[0],) if q and q[0] in table.columns else table.short.get(q[0], ()) if q else ()
+    if time in table.columns or len(table.short.get(time, ())) == 1 or len(first) != 1:
+        return time
+    return table.clocks.get(first[0], time)
+
+
+def _clock(table: RawTable, column: str) -> str:
+    return table.clocks.get(column, "")
+
+
+def _told_unit(table: RawTable, column: str) -> str:
+    unit = units.spelled(table.units.get(column, ""))
+    return unit if units.FACTORS.get(unit, ("", 0))[0] == "s" else ""
+
+
+def _on_stamps(table: RawTable, column: str, stamps: np.ndarray, raw: np.ndarray, note: Note) -> np.ndarray:
+    """A column of another topic, read at the stamps of the time column."""
+    clock = table.clocks.get(column)
+    if clock is None:
+        return table.columns[column]
+    own = table.columns[clock]
+    told = StampUnit(told=_told_unit(table, clock))
+    times = seconds(own, told, f"{table.path.name}: {clock}", lambda _: None, start=origin(raw))
+    ours, theirs = typical_step(stamps), typical_step(times)
+    rates = f"{1 / theirs:.6g} Hz to {1 / ours:.6g} Hz" if ours and theirs else "its own stamps"
+    note(
+        f"{table.path.name}: {column} brought from {rates} by linear interpolation between its stamps, without a filter"
+    )
+    return aligned(table.columns[column], times, stamps)
+
+
+def _same_length(table: RawTable, found: Mapping[str, np.ndarray], whole: Mapping[str, str], time: str) -> None:
+    rows = len(found[time])
+    other = [f"{whole[name]} {len(values)}" for name, values in found.items() if len(values) != rows]
+    if other:
+        expected = f"{rows} rows, as {whole[time]} has"
+        advice = "columns of one recording have one length; name those that belong together"
+        raise InputError(Problem(str(table.path), expected, ", ".join(other), advice))
+
+
+def _numbers(table: RawTable, name: str, column: np.ndarray, problems: list[Problem]) -> np.ndarray:
     """Column as float64; text that is no number is named with its row (counted from 1 below the header)."""
-    column = table.columns[name]
-    if column.dtype.kind == "f":
-        return column
+    if column.dtype.kind in "fiub":
+        return np.asarray(column, float)
+    where = f"{table.path}: column {name!r}"
+    if column.dtype.kind in "Mm":
+        problems.append(Problem(where, "numbers", "dates", "only the time column may hold dates"))
+        return np.empty(len(column))
     values = np.empty(len(column))
-    for row, text in enumerate(column):
+    for row, text in enumerate(column.tolist()):
         try:
             values[row] = float(text) if text.strip() else np.nan
         except ValueError:
             advice = "a decimal comma? write a point" if "," in text else "remove the row or leave the cell empty"
-            problems.append(
-                Problem(f"{table.path}: column {name!r}, row {row + 1}", "a number", repr(str(text)), advice)
-            )
+            problems.append(Problem(f"{where}, row {row + 1}", "a number", repr(str(text)), advice))
             return values
     return values
 
 
-def _csv(path: Path) -> RawTable:
-    from pyarrow import ArrowException, csv
-
-    delimiter, skipped, warnings = _layout(path)
-    try:
-        read = csv.read_csv(
-            path,
-            read_options=csv.ReadOptions(skip_rows=skipped),
-            parse_options=csv.ParseOptions(delimiter=delimiter, ignore_empty_lines=True),
-            convert_options=csv.ConvertOptions(strings_can_be_null=True),
-        )
-    except ArrowException as error:
-        raise InputError(Problem(str(path), "a table of equal rows", str(error).splitlines()[0])) from None
-    return _from_arrow(path, read, warnings)
-
-
-def _layout(path: Path) -> tuple[str, int, tuple[str, ...]]:
-    """Delimiter and the number of comment lines above the header."""
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        head = [line for line, _ in zip(lines, range(50), strict=False)]
-    skipped = next((row for row, line in enumerate(head) if line.strip() and line[0] not in "#%"), len(head))
-    header = head[skipped] if skipped < len(head) else ""
-    delimiter = max(",;\t", key=header.count)
-    cells = [cell.strip() for cell in header.split(delimiter)]
-    if all(_is_number(cell) for cell in cells if cell):
-        raise InputError(
-            Problem(f"{path}: line {skipped + 1}", "names of the columns", header.strip()[:60], "add a header line")
-        )
-    notes = [f"{path.name}: {skipped} comment lines above the header skipped"] if skipped else []
-    return delimiter, skipped, tuple(notes)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _in_si(
+    table: RawTable,
+    description: RecordingDescription,
+    found: Mapping[str, np.ndarray],
+    problems: list[Problem],
+    note: Note,
+) -> dict[str, np.ndarray]:
+    """Signals whose unit the file names and the description leaves open, in the SI unit of their role."""
+    result = {}
+    for role in ("q", "tau", "dq", "ddq", "q_ref", "force"):
+        if role in description.units:
+            continue
+        wanted = description.si.get(role, "N" if role == "force" else "")
+        for name in getattr(description.columns, role):
+            unit = units.spelled(table.units.get(table.find(name), ""))
+            si, factor = units.FACTORS.get(unit, ("", 1.0))
+            if unit == wanted or not units.known(unit):
+                continue
+            if role in description.scale:
+                note(f"{table.path.name}: {name} in {unit}, as the file says: [scale] {role} alone is applied")
+                continue
+            if si != wanted:
+                advice = f'say [units] {role} = "{unit}"' + ("" if si else f" and [scale] {role}")
+                problems.append(
+                    Problem(f"{table.path}: column {name!r}", wanted, f"{unit!r}, as the file says", advice)
+                )
+                continue
+            note(f"{table.path.name}: {name} in {unit}, as the file says: converted to {wanted}")
+            result[name] = found[name] * factor
+    return result
 
 
-def _parquet(path: Path) -> RawTable:
-    from pyarrow import ArrowException, parquet
-
-    try:
-        return _from_arrow(path, parquet.read_table(path), ())
-    except (ArrowException, OSError) as error:
-        raise InputError(Problem(str(path), "a Parquet file", str(error).splitlines()[0])) from None
-
-
-def _from_arrow(path: Path, table: Table, warnings: tuple[str, ...]) -> RawTable:
-    names = [name.strip().lstrip("\ufeff") for name in table.column_names]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(Problem(str(path), "each column once", f"twice: {', '.join(twice)}"))
-    if table.num_rows == 0:
-        raise InputError(Problem(str(path), "rows of data", "a header only"))
-    return RawTable(path, {name: _array(column) for name, column in zip(names, table.columns, strict=True)}, warnings)
-
-
-def _array(column: ChunkedArray) -> np.ndarray:
-    """Arrow column to float64 (empty cell: NaN) or, where it is no number, to str."""
-    from pyarrow import float64, types
-
-    if types.is_boolean(column.type) or types.is_integer(column.type) or types.is_floating(column.type):
-        return column.cast(float64()).to_numpy().astype(float)
-    if types.is_null(column.type):
-        return np.full(len(column), np.nan)
-    return np.array(["" if value is None else str(value) for value in column.to_pylist()])
-
-
-def _mat(path: Path) -> RawTable:
-    from scipy.io import loadmat
-
-    try:
-        variables = loadmat(path, squeeze_me=True, chars_as_strings=True)
-    except NotImplementedError:
-        raise InputError(Problem(str(path), "a MAT file up to version 7", "version 7.3", "save it with -v7")) from None
-    except Exception as error:  # noqa: BLE001 - scipy raises many kinds for a damaged file
-        raise InputError(Problem(str(path), "a MAT file", f"{type(error).__name__}: {error}")) from None
-    columns: dict[str, np.ndarray] = {}
-    for name, value in variables.items():
-        if not name.startswith("__"):
-            _flatten(name, np.asarray(value), columns)
-    lengths = {len(column) for column in columns.values()}
-    rows = max(lengths, default=0)
-    return RawTable(path, {name: column for name, column in columns.items() if len(column) == rows})
-
-
-def _flatten(name: str, value: np.ndarray, columns: dict[str, np.ndarray]) -> None:
-    """A MATLAB variable as columns: struct fields by their own names, (n, k) matrices as name1 .. namek."""
-    if value.dtype.names:
-        for key in value.dtype.names:
-            _flatten(key, np.asarray(value[key].item() if value.ndim == 0 else value[key]), columns)
-    elif value.ndim == 1 and value.dtype.kind in "fiub":
-        columns[name] = value.astype(float)
-    elif value.ndim == 1 and value.dtype.kind in "UO":
-        columns[name] = value.astype(str)
-    elif value.ndim == 2 and value.dtype.kind in "fiub":
-        tall = value if value.shape[0] >= value.shape[1] else value.T
-        for column in range(tall.shape[1]):
-            columns[f"{name}{column + 1}"] = tall[:, column].astype(float)
-
-
-def _result(path: Path) -> RawTable:
-    """A result.h5 of this project (layout: cosim.results.files): its signals under their own names."""
-    import json
-
-    import h5py
-
-    columns: dict[str, np.ndarray] = {}
-    try:
-        with h5py.File(path, "r") as file:
-
-            def collect(place: str, data: h5py.Group | h5py.Dataset) -> None:
-                if isinstance(data, h5py.Dataset):
-                    component, _, _ = place.partition("/")
-                    names = json.loads(str(data.attrs["elements"]))
-                    columns.update(
-                        {f"{component}.{name}": np.asarray(data[:, k], float) for k, name in enumerate(names)}
-                    )
-
-            columns["time"] = np.asarray(file["time"], float)
-            signals = file["signals"]
-            if isinstance(signals, h5py.Group):
-                signals.visititems(collect)
-            order = json.loads(str(file.attrs["signals"]))
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result.h5 of `cosim run`", str(error))) from None
-    return RawTable(path, {name: columns[name] for name in ("time", *order)})
+def _first(values: Sequence[Any] | None, default: Any = "") -> Any:
+    return values[0] if values else default

@@ -7,6 +7,7 @@ from attrs import field, frozen
 
 from cosim.measured.description import RecordingDescription
 from cosim.measured.device import Device
+from cosim.measured.notes import Doubt
 
 
 @frozen(eq=False)
@@ -14,7 +15,8 @@ class Run:
     """One uninterrupted stretch of recording with n rows, nj joints and an even step.
 
     time (n,) [s]; q, tau, dq, ddq, q_ref (n, nj) [SI of the description]; force (n, 3) [N], tip, base frame;
-    regressor (n, p) and rigid (n,) for device "regressor"; test (n,) marks the held-out rows. None: not recorded.
+    regressor (n, p) and rigid (n,): recorded columns and torque of the rigid body; test (n,) marks the held-out rows.
+    clipped (n, nj): torques at the end of their range, which no model can be fitted to. None: not recorded, or none.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Run:
     regressor: np.ndarray | None = None
     rigid: np.ndarray | None = None
     other: Mapping[str, np.ndarray] = field(factory=dict)
+    clipped: np.ndarray | None = None
 
     @property
     def step(self) -> float:
@@ -46,12 +49,13 @@ class Run:
 
 @frozen(eq=False)
 class Recording:
-    """Runs of one device, where they came from, and every repair and doubt in words."""
+    """Runs of one device, where they came from, and every repair and doubt: in words, and as entries with rows."""
 
     description: RecordingDescription
     runs: tuple[Run, ...]
     warnings: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def device(self) -> Device:

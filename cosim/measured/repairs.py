@@ -4,66 +4,47 @@ A run enters as raw columns in SI and leaves as one or more stretches on an even
 """
 
 import itertools
-from collections.abc import Callable
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve
 
 from cosim.errors import InputError, Problem
+from cosim.measured import clipping, clock, held, impossible
+from cosim.measured.notes import Notes
+from cosim.measured.stretch import Stretch
 
-SHORTEST = 64  # rows; below this a low-pass filter has nothing to work on
+SHORTEST = 64  # rows; a low-pass filter needs that many
 BRIDGED = 5  # missing samples up to this are interpolated, more split the run
 JITTER = 0.05  # of a step: stamps this close to an even grid are taken as even
 
 
-@frozen(eq=False)
-class Stretch:
-    """Raw rows of one run: time (n,), signals (n, k) with their names, held-out rows (n,) bool."""
-
-    name: str
-    time: np.ndarray
-    signals: np.ndarray
-    names: tuple[str, ...]
-    test: np.ndarray
-    positions: tuple[int, ...] = ()  # columns of q and q_ref
-    angles: bool = True
-
-    def rows(self, keep: np.ndarray, name: str = "") -> "Stretch":
-        """The stretch with a subset or another order of rows."""
-        return evolve(
-            self, name=name or self.name, time=self.time[keep], signals=self.signals[keep], test=self.test[keep]
-        )
-
-
-Note = Callable[[str], None]
-
-
-def repair(stretch: Stretch, note: Note) -> list[Stretch]:
+def repair(stretch: Stretch, note: Notes) -> list[Stretch]:
     """Even, complete stretches from one run; each repair is described to `note`. Raises InputError."""
-    stretch = _timed(stretch, note)
+    stretch = clock.continued(clock.without_copies(_timed(stretch, note), note), note)
     pieces = [piece for part in _restarts(stretch, note) for piece in _repair_times(part, note)]
     even = [_even(_unwrapped(_filled(piece, note), note), note) for piece in pieces]
     return _long_enough(stretch.name, even, note)
 
 
-def _repair_times(stretch: Stretch, note: Note) -> list[Stretch]:
-    stretch = _distinct(_sorted(stretch, note), note)
+def _repair_times(stretch: Stretch, note: Notes) -> list[Stretch]:
+    stretch = _distinct(clock.at_even_times(_sorted(stretch, note), note), note)
     _check_step(stretch)
+    stretch = clipping.marked(impossible.possible(held.thinned(stretch, note), note), note)
     return [piece for part in _complete(stretch, note) for piece in _without_gaps(part, note)]
 
 
-def _timed(stretch: Stretch, note: Note) -> Stretch:
+def _timed(stretch: Stretch, note: Notes) -> Stretch:
     good = np.isfinite(stretch.time)
     missing = int((~good).sum())
     if not missing:
         return stretch
     if missing > 0.2 * len(good):
         raise InputError(Problem(f"{stretch.name}: time", "numbers", f"{missing} of {len(good)} rows without a time"))
-    note(f"{stretch.name}: {missing} rows without a time dropped")
+    note(f"{stretch.name}: {missing} rows without a time dropped", "no time", stretch.numbers(~good))
     return stretch.rows(good)
 
 
-def _restarts(stretch: Stretch, note: Note) -> list[Stretch]:
+def _restarts(stretch: Stretch, note: Notes) -> list[Stretch]:
     """Split where the clock starts again: blocks whose times overlap are separate recordings."""
     back = np.flatnonzero(np.diff(stretch.time) < 0) + 1
     if not len(back) or len(back) > max(len(stretch.time) // SHORTEST, 1):
@@ -76,20 +57,23 @@ def _restarts(stretch: Stretch, note: Note) -> list[Stretch]:
         return [stretch]
     note(
         f"{stretch.name}: time starts again at row(s) {', '.join(str(b + 1) for b in back[:8])}: "
-        f"taken as {len(blocks)} separate recordings"
+        f"taken as {len(blocks)} separate recordings",
+        "restart",
+        stretch.numbers(back),
     )
     return [stretch.rows(block, f"{stretch.name}#{number}") for number, block in enumerate(blocks, 1)]
 
 
-def _sorted(stretch: Stretch, note: Note) -> Stretch:
+def _sorted(stretch: Stretch, note: Notes) -> Stretch:
     descents = int((np.diff(stretch.time) < 0).sum())
     if not descents:
         return stretch
-    note(f"{stretch.name}: time runs backwards at {descents} rows: rows sorted by time")
+    rows = stretch.numbers(np.flatnonzero(np.diff(stretch.time) < 0) + 1)
+    note(f"{stretch.name}: time runs backwards at {descents} rows: rows sorted by time", "order", rows)
     return stretch.rows(np.argsort(stretch.time, kind="stable"))
 
 
-def _distinct(stretch: Stretch, note: Note) -> Stretch:
+def _distinct(stretch: Stretch, note: Notes) -> Stretch:
     repeated = np.r_[False, np.diff(stretch.time) == 0]
     count = int(repeated.sum())
     if not count:
@@ -103,7 +87,8 @@ def _distinct(stretch: Stretch, note: Note) -> Stretch:
                 "is the time column written with too few digits?",
             )
         )
-    note(f"{stretch.name}: {count} rows repeat a time stamp: the first of each kept")
+    text = f"{stretch.name}: {count} rows repeat a time stamp: the first of each kept"
+    note(text, "repeated stamp", stretch.numbers(repeated))
     return stretch.rows(~repeated)
 
 
@@ -119,7 +104,7 @@ def _check_step(stretch: Stretch) -> None:
         raise InputError(Problem(where, "seconds", f"a step of {step:.3g} s", "wrong [units] of time?"))
 
 
-def _complete(stretch: Stretch, note: Note) -> list[Stretch]:
+def _complete(stretch: Stretch, note: Notes) -> list[Stretch]:
     """Cut out long holes (NaN, inf) of any signal; short ones stay for `_filled`."""
     bad = ~np.isfinite(stretch.signals)
     for column in np.flatnonzero(bad.mean(axis=0) > 0.2):
@@ -133,7 +118,9 @@ def _complete(stretch: Stretch, note: Note) -> list[Stretch]:
     kept = [piece for piece in pieces if not hole[piece[0]]]
     note(
         f"{stretch.name}: {int(hole.sum())} rows with missing values (more than {BRIDGED} in a row) left out, "
-        f"{len(kept)} stretches kept"
+        f"{len(kept)} stretches kept",
+        "hole",
+        stretch.numbers(hole),
     )
     return [stretch.rows(piece, _part(stretch.name, number, len(kept))) for number, piece in enumerate(kept, 1)]
 
@@ -151,7 +138,7 @@ def _part(name: str, number: int, parts: int) -> str:
     return name if parts == 1 else f"{name}/{number}"
 
 
-def _without_gaps(stretch: Stretch, note: Note) -> list[Stretch]:
+def _without_gaps(stretch: Stretch, note: Notes) -> list[Stretch]:
     """Split where more than BRIDGED samples are missing from the time column."""
     steps = np.diff(stretch.time)
     if not len(steps):
@@ -161,12 +148,13 @@ def _without_gaps(stretch: Stretch, note: Note) -> list[Stretch]:
     if not len(gaps):
         return [stretch]
     longest = float(steps[gaps].max())
-    note(f"{stretch.name}: {len(gaps)} gaps in time (longest {longest:.4g} s, step {typical:.4g} s): split there")
+    text = f"{stretch.name}: {len(gaps)} gaps in time (longest {longest:.4g} s, step {typical:.4g} s): split there"
+    note(text, "gap", stretch.numbers(gaps + 1))
     pieces = np.split(np.arange(len(stretch.time)), gaps + 1)
     return [stretch.rows(piece, _part(stretch.name, number, len(pieces))) for number, piece in enumerate(pieces, 1)]
 
 
-def _filled(stretch: Stretch, note: Note) -> Stretch:
+def _filled(stretch: Stretch, note: Notes) -> Stretch:
     """Short holes by linear interpolation in time."""
     bad = ~np.isfinite(stretch.signals)
     if not bad.any():
@@ -176,11 +164,11 @@ def _filled(stretch: Stretch, note: Note) -> Stretch:
         good = ~bad[:, column]
         signals[~good, column] = np.interp(stretch.time[~good], stretch.time[good], signals[good, column])
     where = ", ".join(f"{stretch.names[c]} {int(bad[:, c].sum())}" for c in np.flatnonzero(bad.any(axis=0))[:6])
-    note(f"{stretch.name}: missing values interpolated ({where})")
+    note(f"{stretch.name}: missing values interpolated ({where})", "missing", stretch.numbers(bad.any(axis=1)))
     return evolve(stretch, signals=signals)
 
 
-def _unwrapped(stretch: Stretch, note: Note) -> Stretch:
+def _unwrapped(stretch: Stretch, note: Notes) -> Stretch:
     """Joint angles that jump by a turn between rows are made continuous."""
     if not stretch.angles:
         return stretch
@@ -189,12 +177,13 @@ def _unwrapped(stretch: Stretch, note: Note) -> Stretch:
         jumps = int((np.abs(np.diff(signals[:, column])) > 0.75 * 2 * np.pi).sum())
         if jumps:
             signals = signals.copy()
+            rows = stretch.numbers(np.flatnonzero(np.abs(np.diff(signals[:, column])) > 0.75 * 2 * np.pi) + 1)
             signals[:, column] = np.unwrap(signals[:, column])
-            note(f"{stretch.name}: {stretch.names[column]} wraps round at {jumps} rows: unwrapped")
+            note(f"{stretch.name}: {stretch.names[column]} wraps round at {jumps} rows: unwrapped", "wrap", rows)
     return evolve(stretch, signals=signals)
 
 
-def _even(stretch: Stretch, note: Note) -> Stretch:
+def _even(stretch: Stretch, note: Notes) -> Stretch:
     """Onto an even time grid: stamps within JITTER of one are replaced by it, others are resampled.
 
     Positions by monotone cubic interpolation (PCHIP), all else linear; no low-pass, no delay.
@@ -212,10 +201,12 @@ def _even(stretch: Stretch, note: Note) -> Stretch:
     steps = np.diff(stretch.time)
     note(
         f"{stretch.name}: non-uniform time stamps (steps {steps.min():.4g} to {steps.max():.4g} s) resampled to "
-        f"{step:.6g} s, positions by monotone cubic, other signals by linear interpolation"
+        f"{step:.6g} s, positions by monotone cubic, other signals by linear interpolation",
+        "uneven stamps",
+        stretch.numbers(np.arange(n)),
     )
     nearest = np.clip(np.searchsorted(stretch.time, grid - step / 2), 0, n - 1)
-    return evolve(stretch, time=grid, signals=_resampled(stretch, grid), test=stretch.test[nearest])
+    return evolve(stretch.rows(nearest), time=grid, signals=_resampled(stretch, grid))
 
 
 def _resampled(stretch: Stretch, grid: np.ndarray) -> np.ndarray:
@@ -231,7 +222,7 @@ def _resampled(stretch: Stretch, grid: np.ndarray) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def _long_enough(name: str, stretches: list[Stretch], note: Note) -> list[Stretch]:
+def _long_enough(name: str, stretches: list[Stretch], note: Notes) -> list[Stretch]:
     kept = [stretch for stretch in stretches if len(stretch.time) >= SHORTEST]
     short = len(stretches) - len(kept)
     if not kept:
@@ -243,7 +234,7 @@ def _long_enough(name: str, stretches: list[Stretch], note: Note) -> list[Stretc
     return kept
 
 
-def recentred(stretch: Stretch, columns: tuple[int, ...], note: Note) -> Stretch:
+def recentred(stretch: Stretch, columns: tuple[int, ...], note: Notes) -> Stretch:
     """A torque that is held from its stamp to the next, as its mean over one step either side of the stamp.
 
     tau(t_k) = (tau_k-1 + tau_k) / 2: as it stands the column is half a step early against q.
@@ -254,4 +245,7 @@ def recentred(stretch: Stretch, columns: tuple[int, ...], note: Note) -> Stretch
     own = signals[:, list(columns)]
     signals[1:, list(columns)] = (own[1:] + own[:-1]) / 2
     note(f"{stretch.name}: torque is held from its stamp to the next: moved half a step to the middle")
-    return evolve(stretch, signals=signals)
+    clipped = stretch.clipped
+    if clipped is not None:
+        clipped = clipped | np.r_[clipped[:1], clipped[:-1]]
+    return evolve(stretch, signals=signals, clipped=clipped)

@@ -52,9 +52,26 @@ ALLOWED: Mapping[str, frozenset[str]] = MappingProxyType(
 )
 
 
+NAMES: Mapping[str, str] = MappingProxyType(
+    {
+        "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+        "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
+        "usec": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
+        "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+        "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+        "°/s": "deg/s", "°/s^2": "deg/s^2", "1/min": "rpm", "µm": "um", "μm": "um",
+        "Nm": "N.m", "mNm": "mN.m", "Nmm": "N.mm",
+    }
+)  # fmt: skip
+
+
 def spelled(unit: str) -> str:
-    """The spelling used here: `N m`, `Nm`, `N*m` -> `N.m`; `rad/s2` -> `rad/s^2`."""
-    plain = unit.strip().replace("²", "^2").replace("·", ".").replace("*", ".").replace(" ", ".")
-    names = {"Nm": "N.m", "mNm": "mN.m", "Nmm": "N.mm", "sec": "s", "degree": "deg", "degrees": "deg", "1/min": "rpm"}
-    plain = names.get(plain, plain)
-    return plain[:-1] + "^2" if plain.endswith("/s2") else plain
+    """The spelling used here: `N m`, `Nm`, `N*m` -> `N.m`; `rad/s2` -> `rad/s^2`; `µs` -> `us`."""
+    plain = unit.strip().replace("²", "^2").replace("·", ".").replace("⋅", ".").replace("*", ".").replace(" ", ".")
+    plain = plain[:-1] + "^2" if plain.endswith("/s2") else plain
+    return NAMES.get(plain, plain)
+
+
+def known(unit: str) -> bool:
+    """Whether a description may name the unit."""
+    return spelled(unit) in FACTORS or spelled(unit) in NEED_SCALE

@@ -20,7 +20,7 @@ MOODS = {Answer.FOUND: "good", Answer.COMPLETE: "good", Answer.UNEXPLAINED: "neu
 
 
 def save(closure: Closure, folder: Path | str) -> Closure:
-    """Write everything that `cosim close-loop` leaves, the page last; returns what was written."""
+    """Write all files of `cosim close-loop`, the report last; returns the closure as written."""
     closure = write(closure, folder)
     write_report(page(closure), Path(folder) / "report.html")
     return closure

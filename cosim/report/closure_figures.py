@@ -128,7 +128,11 @@ def replayed(
 
 
 def error_bars(
-    before: Sequence[float], after: Sequence[float], interval: Sequence, floor: Sequence, labels: Sequence[str]
+    before: Sequence[float],
+    after: Sequence[float],
+    interval: Sequence[tuple[float, float]],
+    floor: Sequence[float | None],
+    labels: Sequence[str],
 ) -> MplFigure:
     """Held-out RMS% per joint before and after, with the interval of after and the floor where it is known."""
     fig, axes = figure(1, 1, 6.0, 2.8)

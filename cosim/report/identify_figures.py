@@ -5,7 +5,7 @@ parts.
 import numpy as np
 
 from cosim.identification.identification import Identification
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, MplFigure, figure, to_svg
+from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
 
 POINTS = 1500
 
@@ -103,11 +103,13 @@ def _shown(found: Identification) -> np.ndarray:
     return rows[:: max(len(rows) // POINTS, 1)]
 
 
-def _line(ax, time, values, colour, label, style="-", width=1.3) -> None:
+def _line(
+    ax: Axes, time: np.ndarray, values: np.ndarray, colour: str, label: str, style: str = "-", width: float = 1.3
+) -> None:
     ax.plot(time, values, style, color=colour, lw=width, label=label)
 
 
-def _left_out(ax, time, keep) -> None:
+def _left_out(ax: Axes, time: np.ndarray, keep: np.ndarray) -> None:
     if not keep.all():
         ax.fill_between(time, 0, 1, where=~keep, transform=ax.get_xaxis_transform(), color=GREY, alpha=0.15, lw=0)
 

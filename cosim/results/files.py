@@ -8,7 +8,8 @@ scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes
 import csv
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,16 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.table import blocks
 from cosim.errors import InputError, Problem
 from cosim.fmu.messages import FmuMessage
+from cosim.results.disk import DiskFile
 from cosim.results.provenance import provenance
+from cosim.results.saving import whole
 from cosim.scenario import load_text, to_toml
 from cosim.signals import grouped
 
 FORMAT = 1
+_BESIDE = 2048  # bytes of a signal beside its values
+_DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, MemoryError, InputError)
+"""What h5py and our own readers say of a file that is none of ours, or no longer."""
 
 
 def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str] | None = None) -> Path:
@@ -34,16 +40,23 @@ def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str]
     import h5py
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(partial, "w") as file:
-            _write(file, result)
-            file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with _whole(path, 8 * len(result.time) * (1 + len(result.signals)) + _BESIDE * (8 + len(result.signals))) as file:
+        _write(file, result)
+        file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
     return path
+
+
+@contextmanager
+def _whole(path: Path, size: int, **options: Any) -> Iterator[Any]:
+    """An HDF5 file to write about `size` bytes to, complete or not there. Raises OSError (disk full, not writable)."""
+    import h5py
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole(path) as partial, DiskFile(partial, size) as disk:
+        with h5py.File(disk, "w", **options) as file:
+            yield file
+        if disk.error is not None:
+            raise disk.error
 
 
 def _write(file: Any, result: Result) -> None:
@@ -85,8 +98,12 @@ def read_starts(path: Path | str) -> dict[str, float | str]:
     try:
         with h5py.File(path, "r") as file:
             return _starts(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
+
+
+def _said(error: Exception) -> str:
+    return f"one that is damaged ({type(error).__name__}: {error})"
 
 
 def _starts(file: Any) -> dict[str, float | str]:
@@ -100,8 +117,8 @@ def read_h5(path: Path | str) -> Result:
     try:
         with h5py.File(path, "r") as file:
             return _read(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
 
 
 def _read(file: Any) -> Result:  # h5py's types do not know that a member is a group
@@ -136,7 +153,7 @@ def export_csv(result: Result, path: Path | str) -> Path:
     A name with a comma, a quote or a line end stands in quotes (RFC 4180).
     """
     path = Path(path)
-    with open(path, "w", encoding="utf-8", newline="") as stream:
+    with whole(path) as partial, open(partial, "w", encoding="utf-8", newline="") as stream:
         header = ["time [s]", *(f"{name} [{result.units[name]}]" for name in result.signals)]
         csv.writer(stream, lineterminator="\n").writerow(header)
         for first, values in blocks(result.signals):
@@ -165,7 +182,8 @@ def export_mat(result: Result, path: Path | str) -> Path:
         units.setdefault(group, {})[member] = result.units[elements[0]]
     content = {"time": result.time[:, None], "signals": signals, "units": units, "names": names}
     content |= {"outcome": result.outcome.value, "scenario": to_toml(result.scenario)}
-    savemat(path, content, long_field_names=True, do_compression=True)
+    with whole(Path(path)) as partial, open(partial, "wb") as stream:
+        savemat(stream, content, long_field_names=True, do_compression=True)
     return Path(path)
 
 
@@ -191,20 +209,15 @@ def write_table(
     import h5py
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(partial, "w", track_order=True) as file:
-            file.attrs.update({"format": FORMAT, **attributes})
-            group = file.create_group("columns", track_order=True)
-            for name, values in columns.items():
-                text = any(isinstance(value, str) for value in values)
-                data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
-                if name in units:
-                    data.attrs["unit"] = units[name]
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    size = sum(16 + len(value) if isinstance(value, str) else 8 for values in columns.values() for value in values)
+    with _whole(path, size + _BESIDE * (4 + len(columns)), track_order=True) as file:
+        file.attrs.update({"format": FORMAT, **attributes})
+        group = file.create_group("columns", track_order=True)
+        for name, values in columns.items():
+            text = any(isinstance(value, str) for value in values)
+            data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
+            if name in units:
+                data.attrs["unit"] = units[name]
     return path
 
 
@@ -215,8 +228,8 @@ def read_table(path: Path | str) -> dict[str, list[float | str]]:
     try:
         with h5py.File(path, "r") as file:
             return _columns(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a table of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a table of cosim", _said(error))) from None
 
 
 def _columns(file: Any) -> dict[str, list[float | str]]:

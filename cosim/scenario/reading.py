@@ -17,14 +17,14 @@ from cosim.signals import Signal
 Record = TypeVar("Record", bound=AttrsInstance)
 
 
-def table_of(path: Path) -> dict:
-    """The table of a TOML file, or that of an SSP archive."""
-    if path.suffix != ".ssp":
+def table_of(path: Path, allow_outside: bool = False) -> dict:
+    """The table of a TOML file, or that of an SSP: an archive, a folder, or the .ssd file in one."""
+    if path.suffix not in (".ssp", ".ssd") and not path.is_dir():
         return read_toml(path)
     from build_fmus.cache import cache_folder
     from cosim.scenario.ssp import read_ssp
 
-    return read_ssp(path, cache_folder() / "ssp")
+    return read_ssp(path, cache_folder() / "ssp", allow_outside)
 
 
 def read_toml(path: Path) -> dict:
@@ -130,6 +130,9 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
     """The connections of a table; what is wrong with an entry is added to `problems`."""
     found = []
     for number, entry in enumerate(entries if isinstance(entries, list) else [entries], start=1):
+        if isinstance(entry, Connection):  # an SSP's names may hold what the text of a connection cannot
+            found.append(entry)
+            continue
         match = _WIRE.match(entry) if isinstance(entry, str) else None
         place = f"{where}: connections, line {number}"
         if match is None or not all("." in match[end] for end in ("source", "target")):

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
+from functools import cache
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
@@ -40,15 +41,20 @@ def starts_of(
     values = _whole_arrays(description, values, where, problems)
     if "seed" in description.variables and "seed" not in values:
         values["seed"] = scenario.experiment.seed + list(scenario.components).index(name)
-    if description.model == "VariableDelayChannel":
+    law = description.variables.get("law")
+    if description.model == "VariableDelayChannel" and law is not None and law.items:
         problems += _outgrown(scenario, name, description, values)
     return values
 
 
-_BUFFER = 8190
-"""Steps of delay that the buffer of fmu_src/VariableDelayChannel holds, whatever its semantics (see its README:
-Memory).
-"""
+@cache
+def _buffer() -> int:
+    """Steps of delay that the channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
+    Memory): one record each, beside those of the first input and of the present.
+    """
+    from build_fmus.sources import model_table
+
+    return model_table("VariableDelayChannel").shape("ring")[0] - 2
 
 
 def _outgrown(
@@ -59,13 +65,11 @@ def _outgrown(
     key = "delay_mean" if law == "constant" else "delay_max"
     delay = description.start(key, values)
     experiment = scenario.experiment
-    step = scenario.components[name].step_multiple * experiment.step
-    if law == "recorded" or min(delay, experiment.stop) <= _BUFFER * step * (1 + 1e-9):
+    step, most = scenario.components[name].step_multiple * experiment.step, _buffer()
+    if law == "recorded" or min(delay, experiment.stop) <= most * step * (1 + 1e-9):
         return []
-    fits = f"at most {_BUFFER * step:g} s, {_BUFFER} steps of {step:g} s that the channel's buffer holds"
-    advice = (
-        f"take steps of {delay / _BUFFER:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
-    )
+    fits = f"at most {most * step:g} s, {most} steps of {step:g} s that the channel's buffer holds"
+    advice = f"take steps of {delay / most:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
     return [Problem(f"{scenario.name}: {name}.{key}", fits, f"{delay:g} s", advice)]
 
 

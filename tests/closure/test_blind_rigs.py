@@ -9,8 +9,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fmpy import simulate_fmu
 
+from cosim.closure.closure import Options, close_loop
 from cosim.effects import BUILT_IN, EffectEstimate
+from cosim.measured import Recording, RecordingDescription, Run
+from cosim.report.closure import save
 from tests.support.rig.cases import complete, hidden, outside
 from tests.support.rig.experiment import RigExperiment, record
 from tests.support.rig.study import experiment
@@ -40,17 +44,27 @@ CASES = {
     "small eccentric": outside("eccentric", 1.5, 14),
     "pressed gap": hidden("backlash", 2.0, 11013),
 }
-NOT_TOLD_APART, PRESSED = "small eccentric", "pressed gap"
+NOT_TOLD_APART, PRESSED, GAP = "small eccentric", "pressed gap", "gap"
+
+
+def turning(seed: int) -> RigExperiment:
+    return RigExperiment(seed=seed, highest=6.0, noise=3e-4)
+
+
+EXPERIMENTS = {name: experiment(11013) if name == PRESSED else turning(k) for k, name in enumerate(CASES)}
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> dict[str, TrialOutcome]:
-    experiments = [
-        experiment(11013) if name == PRESSED else RigExperiment(seed=k, highest=6.0, noise=3e-4)
-        for k, name in enumerate(CASES)
-    ]
-    runs = record([case.plant for case in CASES.values()], experiments, duration=20.0, substeps=2)
-    tasks = zip(runs, CASES.values(), experiments, strict=True)
+def runs():
+    """Recordings of all cases, and of a gap that turns over: one batch costs little more than one of them."""
+    plants = [*(case.plant for case in CASES.values()), hidden("backlash", SIZE, 12).plant]
+    recorded = record(plants, [*EXPERIMENTS.values(), turning(3)], duration=20.0, substeps=2)
+    return dict(zip([*CASES, GAP], recorded, strict=True))
+
+
+@pytest.fixture(scope="module")
+def outcomes(runs) -> dict[str, TrialOutcome]:
+    tasks = [(runs[name], case, EXPERIMENTS[name]) for name, case in CASES.items()]
     return {name: TrialOutcome(**judge(task)) for name, task in zip(CASES, tasks, strict=True)}
 
 
@@ -124,3 +138,19 @@ def test_parameters_come_out_as_they_were_put_in(outcomes):
     payload = outcomes["payload"].parameters["payload"]
     assert payload == pytest.approx(CASES["payload"].plant.payload, rel=0.05)
     json.dumps(outcome.interval, allow_nan=False)
+
+
+def test_the_fmu_of_a_backlash_runs_at_its_defaults(runs, tmp_path):
+    run = runs[GAP]
+    one = Run("rig", run.time, run.q, run.tau, np.arange(len(run.time)) >= len(run.time) // 2)
+    closure = close_loop(Recording(RecordingDescription(), (one,)), Options(replayed=False))
+    save(closure, tmp_path)
+    found = json.loads((tmp_path / "closure.json").read_text())
+    (effect,) = [e for e in found["effects"] if e["name"] != "unknown"]
+    assert effect["name"] == "backlash"
+    assert effect["effective"] == ["joint_compliance[1]", "joint_damping[1]"]
+    assert "effective values" in (tmp_path / "report.html").read_text()
+    for file in found["fmu"]:
+        rows = simulate_fmu(str(tmp_path / file), stop_time=0.1, output_interval=1e-3, fmi_type="CoSimulation")
+        assert rows["time"][-1] == pytest.approx(0.1)
+    assert f"internal_steps = {found['model']['after']['internal_steps']}\n" in (tmp_path / "effects.toml").read_text()

@@ -407,9 +407,21 @@ def test_names_that_held_out_rows_do_not_need_leave_no_complete_model(monkeypatc
     assert found.verdict.answer is Answer.UNEXPLAINED and "was withdrawn" in sentence(found)
 
 
-def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_names():
-    case, setting = hidden("stribeck", 4.0, 303), experiment(303)
-    (run,) = record([case.plant], [setting], 30.0)
+RIGS = {
+    "stribeck": (hidden("stribeck", 4.0, 303), experiment(303)),
+    "gain": (hidden("torque_gain", 4.0, 304), experiment(304)),
+}
+
+
+@pytest.fixture(scope="module")
+def rigs():
+    """Recordings of both, in one batch, which costs as much as one of them."""
+    recorded = record([case.plant for case, _ in RIGS.values()], [setting for _, setting in RIGS.values()], 30.0)
+    return {name: (run, case) for (name, (case, _)), run in zip(RIGS.items(), recorded, strict=True)}
+
+
+def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_names(rigs):
+    run, case = rigs["stribeck"]
     half = len(run.time) // 2
     other = next(j for j in range(3) if j + 1 not in case.truth["stribeck"])
     run.q[half:, other], run.tau[half:, other] = run.q[half, other], 0.0
@@ -418,9 +430,8 @@ def test_a_joint_that_stands_still_in_the_held_out_rows_leaves_the_others_their_
     assert np.isnan(found.error.after[other])
 
 
-def test_friction_behind_a_torque_gain_is_the_joints_own():
-    case, setting = hidden("torque_gain", 4.0, 304), experiment(304)
-    (run,) = record([case.plant], [setting], 30.0)
+def test_friction_behind_a_torque_gain_is_the_joints_own(rigs):
+    run, case = rigs["gain"]
     found = close_loop(recording(run, case), Options(replayed=False))
     (gain,) = found.verdict.findings
     joint = gain.joints[0] - 1

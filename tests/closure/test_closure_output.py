@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-from fmpy import simulate_fmu
 
 from cosim.arm.dynamics import inverse_dynamics
 from cosim.closure.closure import Closure, Options, close_loop
@@ -15,8 +14,6 @@ from cosim.closure.verdict import Answer, ClosureVerdict
 from cosim.measured import Recording, RecordingDescription, Run, parse_description
 from cosim.report.closure import save
 from tests.support.model_harness import CompiledModel
-from tests.support.rig.cases import hidden
-from tests.support.rig.experiment import RigExperiment, record
 from tests.support.rig.plant import SEGMENT
 
 
@@ -38,25 +35,6 @@ def test_start_values_hold_the_internal_steps_that_the_model_asks_for(values):
     assert stepped(values, 1e-3)["internal_steps"] == int(re.search(r"internal_steps to (\d+)", str(problem.value))[1])
     CompiledModel("PhantomArm", **stepped(values, 1e-3)).start().run(1, 1e-3)
     assert "internal_steps" not in stepped({"actuator_lag": 0.01, "viscous": 1.0}, 1e-3)
-
-
-@pytest.mark.timeout(300)
-def test_the_fmu_of_a_backlash_runs_at_its_defaults(tmp_path):
-    (run,) = record(
-        [hidden("backlash", 4.0, 12).plant], [RigExperiment(seed=3, highest=6.0, noise=3e-4)], duration=30.0
-    )
-    one = Run("rig", run.time, run.q, run.tau, np.arange(len(run.time)) >= len(run.time) // 2)
-    closure = close_loop(Recording(RecordingDescription(), (one,)), Options(replayed=False))
-    save(closure, tmp_path)
-    found = json.loads((tmp_path / "closure.json").read_text())
-    (effect,) = [e for e in found["effects"] if e["name"] != "unknown"]
-    assert effect["name"] == "backlash"
-    assert effect["effective"] == ["joint_compliance[1]", "joint_damping[1]"]
-    assert "effective values" in (tmp_path / "report.html").read_text()
-    for file in found["fmu"]:
-        rows = simulate_fmu(str(tmp_path / file), stop_time=0.1, output_interval=1e-3, fmi_type="CoSimulation")
-        assert rows["time"][-1] == pytest.approx(0.1)
-    assert f"internal_steps = {found['model']['after']['internal_steps']}\n" in (tmp_path / "effects.toml").read_text()
 
 
 def test_a_model_that_no_fmu_can_have_is_a_warning_and_the_rest_is_written(tmp_path):

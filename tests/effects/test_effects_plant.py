@@ -1,10 +1,9 @@
 """The effects of close-loop against the plant in C: columns times coefficients are the torque that the FMU's
 parameters need.
 
-Two writings of one list (cosim/effects in numpy for the regression, fmu_src in C for the simulation) held together,
-so that an effect
-that was found and written into effects.toml is the effect that the FMU then has: name, sign, unit, order of the
-indices.
+Two writings of one list (cosim/effects in numpy for the regression, fmu_src in C for the simulation) held together, so
+that an effect that was found and written into effects.toml is the effect that the FMU then has: name, sign, unit, order
+of the indices.
 """
 
 from types import SimpleNamespace

@@ -2,8 +2,7 @@
 its recording.
 
 The FMU has two masses of its own (fmu_src/PhantomArm); the tool sees a rigid arm's recording and simulates what its
-link did behind
-the encoder. Size, motor's inertia and damping have to come back.
+link did behind the encoder. Size, motor's inertia and damping have to come back.
 """
 
 import ctypes

@@ -116,12 +116,25 @@ def test_a_system_runs_many_scenarios_and_leaves_the_working_directory():
 def test_columns_of_a_recording(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("# said\ntime, a,b\n0,1,2\n1,3,4\n")
-    assert read_columns(path, ["b", "time"]).tolist() == [[2.0, 0.0], [4.0, 1.0]]
+    assert read_columns(path, "time", ["b", "a"]).tolist() == [[0.0, 2.0, 1.0], [1.0, 4.0, 3.0]]
     with pytest.raises(InputError, match="did you mean 'time'"):
-        read_columns(path, ["tim"])
+        read_columns(path, "tim", ["a"])
     path.write_text("time,a\n0,x\n")
-    with pytest.raises(InputError, match="numbers"):
-        read_columns(path, ["a"])
+    with pytest.raises(InputError, match="a number"):
+        read_columns(path, "time", ["a"])
+
+
+def test_columns_of_a_recording_in_another_format(tmp_path):
+    from scipy.io import savemat
+
+    time = np.arange(50) * 0.5  # slower than a robot's recording, as a trace of delays is
+    savemat(tmp_path / "a.mat", {"trace": {"time": time, "delay": np.column_stack([time + 1, time + 2])}})
+    table = read_columns(tmp_path / "a.mat", "time", ["delay[2]", "trace.delay[1]"])
+    assert np.array_equal(table, np.column_stack([time, time + 2, time + 1]))
+    told: list[str] = []
+    (tmp_path / "b.csv").write_text("time;delay\n0,5;1,25\n1,5;2,25\n")
+    assert read_columns(tmp_path / "b.csv", "time", ["delay"], told.append).tolist() == [[0.5, 1.25], [1.5, 2.25]]
+    assert "decimal comma" in told[0]
 
 
 STEP_2 = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)

@@ -175,10 +175,18 @@ def test_comment_lines_and_semicolons(tmp_path):
     assert np.allclose(recording.runs[0].q, arm_columns()[:, 1:4], atol=1e-8)
 
 
-def test_decimal_comma_is_explained(tmp_path):
-    text = write(tmp_path / "a.csv", arm_columns()).read_text().replace(",", ";").replace(".", ",")
-    (tmp_path / "a.csv").write_text(text)
-    assert "decimal comma" in message(lambda: read([tmp_path / "a.csv"]))
+def test_decimal_commas_are_read(tmp_path):
+    text = write(tmp_path / "a.csv", arm_columns()).read_text()
+    (tmp_path / "b.csv").write_text(text.replace(",", ";").replace(".", ","))
+    plain, comma = (read([tmp_path / name]) for name in ("a.csv", "b.csv"))
+    warned(comma, "decimal comma")
+    assert np.array_equal(comma.runs[0].q, plain.runs[0].q) and np.array_equal(comma.runs[0].tau, plain.runs[0].tau)
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path):
+    rows = "".join(f"0,{k:03d},0,5\n" for k in range(100))
+    (tmp_path / "a.csv").write_text("t,q\n" + rows)
+    assert "a decimal comma?" in message(lambda: read([tmp_path / "a.csv"]))
 
 
 def test_gap_splits_the_run(tmp_path):
@@ -221,10 +229,21 @@ def test_duplicate_rows_are_dropped_by_name(tmp_path):
     assert len(recording.runs[0]) == 2000
 
 
-def test_coarse_time_stamps_are_an_error(tmp_path):
-    table = arm_columns()
+def test_coarse_time_stamps_are_an_error_where_rows_are_lost(tmp_path):
+    kept = np.sort(np.random.default_rng(4).choice(2000, 1200, replace=False))
+    table = arm_columns()[kept]
     table[:, 0] = np.round(table[:, 0], 2)
     assert "too few digits" in message(lambda: read([write(tmp_path / "a.csv", table)]))
+
+
+def test_coarse_time_stamps_of_even_rows_become_an_even_grid(tmp_path):
+    table = arm_columns()
+    table[:, 0] = np.floor(table[:, 0] * 100 + 1e-6) / 100
+    recording = read([write(tmp_path / "a.csv", table)])
+    warned(recording, "stamps tell when rows arrived")
+    # The line through the 200 steps has their slope to 1 / (2000 * 200) of a step.
+    assert recording.runs[0].step == pytest.approx(STEP, rel=1e-4)
+    assert np.array_equal(recording.runs[0].q, read([write(tmp_path / "b.csv", arm_columns())]).runs[0].q)
 
 
 def test_unsorted_time_is_sorted_by_name(tmp_path):

@@ -31,6 +31,7 @@ STARTS = {
         "gravity_compensation": 1,
         "encoder_resolution": 1e-4,
     },
+    "SerialArm": {"coulomb": 0.01, "stribeck": 0.01, "ripple_sin": 0.002, "q_start": [0.1, 0.3, 0.4, *[0.0] * 9]},
     "VariableDelayChannel": {"law": "random_walk", "delay_min": 0.0, "delay_max": 0.05},
     "AxisDrive": {"coulomb": 0.01, "stribeck": 0.01, "hysteresis": 0.005},
     "Operator": {"amplitude": 0.3, "frequency": 3.0, "hand_mass": 1.0, "grip_stiffness": 100.0, "hand_stiffness": 10.0},

@@ -36,8 +36,8 @@ class SourceFile:
         }
 
     @property
-    def tests(self) -> list["Reading"]:
-        return [Reading(self, node) for name, node in self.functions.items() if name.startswith("test_")]
+    def tests(self) -> list["AssertionReading"]:
+        return [AssertionReading(self, node) for name, node in self.functions.items() if name.startswith("test_")]
 
     def function(self, name: str) -> "tuple[SourceFile, ast.FunctionDef] | None":
         """The function of the tests that has this name here, and its home."""
@@ -55,7 +55,7 @@ def source_file(path: Path) -> SourceFile:
     return SourceFile(ast.parse(path.read_text(encoding="utf-8")))
 
 
-class Reading:
+class AssertionReading:
     """Reads one function: whether it checks, and what is seen to hold an entry in it."""
 
     def __init__(self, file: SourceFile, function: ast.FunctionDef, seen: frozenset[str] = frozenset()) -> None:
@@ -117,13 +117,13 @@ class Reading:
         called = self.called(call)
         return called is not None and called.checks()
 
-    def called(self, call: ast.Call) -> "Reading | None":
+    def called(self, call: ast.Call) -> "AssertionReading | None":
         """The function of the tests that is called."""
         name = getattr(call.func, "id", "")
         found = (self.file, self.inner[name]) if name in self.inner else self.file.function(name)
         if found is None or name in self.seen:
             return None
-        reading, spread = Reading(*found, self.seen), found[1].args.vararg
+        reading, spread = AssertionReading(*found, self.seen), found[1].args.vararg
         if spread and (more := call.args[len(found[1].args.args) :]):
             reading.constants[spread.arg] = ast.Tuple(more)
         return reading

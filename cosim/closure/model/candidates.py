@@ -14,14 +14,14 @@ from cosim.effects.motion import Columns, Joints, Theta
 Option = tuple[float, Theta, np.ndarray]
 """Gain, theta and coefficients of one regression."""
 
-CHUNK = 24  # values of nonlinear parameters formed at once, for the sake of memory
-COLLINEAR = 2e-3  # share of a column that the model does not explain already, below which it counts as part of it
-REFINED = 0.1  # gain from which on nonlinear parameters are refined before the evidence is weighed
+CHUNK = 24  # values of nonlinear parameters whose columns are formed at once, to limit memory
+COLLINEAR = 2e-3  # a column of which the model leaves a smaller share unexplained counts as part of it
+REFINED = 0.1  # gain above which nonlinear parameters are refined before the evidence is weighed
 FIRST_STEP, BETWEEN = 0.1, 0.5  # first and largest change of that refinement
 MOVES = 9  # trials of that refinement, times one more than the number of parameters
 CLEARLY = 0.03  # share of the error left that an unphysical trial has to remove beyond the best physical one
 KNOWN = 0.1  # share of a coefficient that it may be off by where a screening asks whether it is physical
-THRIFT = 1.03  # an option with one column more has to leave this much less
+PARSIMONY = 1.03  # factor by which an option with one more column has to leave a smaller error
 
 
 @frozen(eq=False)
@@ -75,7 +75,7 @@ def _best(model: Model, normal: "Normal", effect: Effect, joints: Joints, option
     """
     base, tried, first = normal.error(joints), len(options), None
     options.sort(
-        key=lambda option: (base - option[0]) * THRIFT ** len(option[2]) * effect.handicap(model.scene, option[1])
+        key=lambda option: (base - option[0]) * PARSIMONY ** len(option[2]) * effect.handicap(model.scene, option[1])
     )
     for gain, theta, beta in options:
         reason = _why_not(model, ChosenEffect(effect, joints, theta), beta, KNOWN)
@@ -89,7 +89,7 @@ def _best(model: Model, normal: "Normal", effect: Effect, joints: Joints, option
 
 
 def _why_not(model: Model, choice: ChosenEffect, beta: np.ndarray, known: float) -> str:
-    """Why coefficients of a screening cannot be the effect, each taken to be known to a share; empty where they can."""
+    """Why coefficients of a screening cannot be the effect; `known`: assumed standard deviation, as a share of each."""
     return choice.effect.unphysical(
         EffectEstimate(beta, np.abs(beta) * known, choice.theta, choice.joints, model.scene)
     )
@@ -174,16 +174,16 @@ class Normal:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.train = ~model.setting.rows.test
-        self.x = [model.design[j, self.train] for j in range(model.setting.joints)]
-        self.residual = [
+        self.train: np.ndarray = ~model.setting.rows.test
+        self.x: list[np.ndarray] = [model.design[j, self.train] for j in range(model.setting.joints)]
+        self.residual: list[np.ndarray] = [
             model.residual[j, self.train] * model.scale[j, self.train, 0] for j in range(model.setting.joints)
         ]
         g = sum((x.T @ x for x in self.x), np.zeros((self.x[0].shape[1],) * 2))
         size = np.diag(g)
         empty = size <= 1e-24 * size.max()  # columns without rows: joints that do not move
         scale = np.where(empty, 0.0, 1 / np.sqrt(np.where(empty, 1.0, size)))
-        self.inverse = (
+        self.inverse: np.ndarray = (
             np.linalg.inv(g * scale[:, None] * scale + np.diag(model.fit.penalty + empty)) * scale[:, None] * scale
         )
 

@@ -1,15 +1,14 @@
-"""Least squares by blocks: normal equations of every contiguous block, so that refits, jackknives and held-out errors
-cost nothing.
+"""Least squares by blocks: normal equations of every contiguous block, which make refits, jackknives and held-out
+errors cheap.
 
 For each block b and joint j:  G = X^T X, h = X^T y, s = y^T y  over the rows of that block and joint. The estimate of
-the fitted
-blocks solves (sum G) beta = sum h; leaving a block out subtracts its terms.
+the fitted blocks solves (sum G) beta = sum h; leaving a block out subtracts its terms.
 """
 
 import numpy as np
 from attrs import frozen
 
-RIDGE = 1e-10  # of the scaled diagonal: keeps unidentified directions at rest
+RIDGE = 1e-10  # of the scaled diagonal: keeps unidentified directions at zero
 PENALTIES = (0.0, *np.geomspace(1e-5, 1e2, 15))  # of the scaled diagonal, for columns that are too many for their data
 
 
@@ -17,11 +16,9 @@ PENALTIES = (0.0, *np.geomspace(1e-5, 1e2, 15))  # of the scaled diagonal, for c
 class Gram:
     """Normal equations: g (B, J, p, p), h (B, J, p), s (B, J), rows (B, J); the first `train` blocks are fitted.
 
-    The first `shrunk` columns are given ones that are too many for the fitted blocks: they get a penalty (ridge),
-    chosen by
-    leaving out `group` (train,), the runs of the fitted blocks, or blocks where there are fewer than four runs.
-    precision (p,): what is
-    known of each coefficient before the data, one over its variance about zero.
+    The first `shrunk` columns are too many for the fitted blocks and get a penalty (ridge). It is chosen by leaving out
+    `group` (train,), the runs of the fitted blocks, or single blocks where there are fewer than four runs. precision
+    (p,): prior precision of each coefficient, one over its variance about zero.
     """
 
     g: np.ndarray
@@ -113,14 +110,10 @@ def squared_error(gram: Gram, beta: np.ndarray) -> np.ndarray:
 
 
 def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: int, train: int) -> Gram:
-    """Normal equations of columns (J, m, p) and y (J, m), rows of weight zero already zeroed; rows must be sorted by
-    block or not.
-    """
+    """Normal equations of columns (J, m, p) and y (J, m), in which rows of weight zero are zero; in any order."""
     order = np.argsort(block, kind="stable")
     edges = np.searchsorted(block[order], np.arange(blocks + 1))
-    place = edges[:-1, None] + np.arange(
-        np.diff(edges).max()
-    )  # (B, L), blocks filled up with the row of zeros at the end
+    place = edges[:-1, None] + np.arange(np.diff(edges).max())  # (B, L); blocks are padded with the last row, of zeros
     rows = np.append(order, len(block))[np.where(place < edges[1:, None], place, len(block))]
     x, t = (np.pad(a, ((0, 0), (0, 1), (0, 0)))[:, rows] for a in (columns, y[..., None]))
     g, h, s = (np.swapaxes(np.swapaxes(u, 2, 3) @ v, 0, 1) for u, v in ((x, x), (x, t), (t, t)))

@@ -22,8 +22,8 @@ class Model:
     """Complete model and chosen effects on a setting: weighted design (J, m, p), its normal equations and the fit.
 
     laws: one friction law a joint; skew [s]: how late the recorded torque acts because of sampling; weight (J,): one
-    over the noise scale [1/(N.m)]; columns: those of each choice, joint -> (m, k); seen: the scene that
-    they were formed from; formed: columns that all models of the setting share.
+    over the noise scale [1/(N.m)]; columns: those of each choice, joint -> (m, k); seen: the scene that they were
+    formed from; formed: columns that all models of the setting share.
     """
 
     setting: Setting
@@ -55,9 +55,7 @@ class Model:
 
     @cached_property
     def target(self) -> np.ndarray:
-        """(J, m) what the columns have to make: the torque as chosen lags and delays deliver it, with the sampling skew
-        taken out.
-        """
+        """The torque (J, m) that the columns explain: behind the chosen lags and delays, without the sampling skew."""
         return _target(self, self.choices)
 
     @cached_property
@@ -125,7 +123,7 @@ class Model:
         return self.fit.beta[p : p + nj], self.fit.beta[p + nj : p + 2 * nj]
 
     def coefficients(self, number: int) -> slice:
-        """Where the coefficients of choice `number` are."""
+        """The range of the coefficients of choice `number`."""
         sizes = [next(iter(c.values())).shape[1] for c in self.columns]
         start = self.base.shape[2] + sum(sizes[:number])
         return slice(start, start + sizes[number])
@@ -155,7 +153,7 @@ class Model:
 
     @cached_property
     def scene(self) -> Scene:
-        """What effects may look at, at the full rate, with the coefficients as fitted."""
+        """The motion and the model as fitted, at the full rate, for effects to look at."""
         s, m = self.setting, self.setting.motion
         viscous, coulomb = self.friction_levels
         sign = np.stack([law(m.dq[:, j]) for j, law in enumerate(self.laws)], axis=1)
@@ -254,9 +252,7 @@ def complete(setting: Setting) -> Model:
 
 
 def settled(model: Model) -> Model:
-    """Friction laws and skew chosen by the fitted rows, weights from the residual; a second pass of the laws settles
-    both.
-    """
+    """The model with friction laws and skew chosen by the fitted rows, and weights from the residual."""
     model = _reweighted(model)
     model = _best_laws(model)
     return _reweighted(_best_skew(model))

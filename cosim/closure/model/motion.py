@@ -1,5 +1,5 @@
-"""A recording made ready: smoothed signals with derivatives at the full rate, and the thinned rows that residuals are
-formed on.
+"""A recording prepared: smoothed signals with derivatives at the full rate, and the thinned rows on which residuals are
+formed.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 SAME_RATE = 0.005  # by which steps of runs may differ
-SAMPLED = 0.4  # widths of K that smoothed signals may be sampled at
-BLOCK = 0.5  # s, shortest length of the contiguous blocks that statistics count in
+SAMPLED = 0.4  # widths of K: the largest step at which smoothed signals are sampled
+BLOCK = 0.5  # s, shortest length of the contiguous blocks of the statistics
 MOST_BLOCKS = 60  # of the fitted rows
 
 
@@ -39,10 +39,9 @@ class SmoothedMotion:
     """Signals of all runs below each other, n rows, nj joints, every `stride`-th sample. SI.
 
     step, sample [s] between rows and between recorded samples; time (n,), run (n,) number of the run, test (n,) held
-    out;
-    q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at every
-    sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white noise of
-    the encoders [rad].
+    out; q, dq, ddq, tau (n, nj) smoothed by K; tau_raw (n, nj) as recorded; commands: recorded torque of each run at
+    every sample; regressor (n, p), rigid (n,), other name -> (n,); angle_noise (nj,) standard deviation of the white
+    noise of the encoders [rad].
     """
 
     step: float
@@ -67,6 +66,7 @@ class SmoothedMotion:
     other: Mapping[str, np.ndarray]
     angle_noise: np.ndarray
     differentiated: bool  # whether dq, ddq come from q (else they were recorded)
+    clipped: np.ndarray | None = None  # (n, nj) torques at the end of their range
 
     @property
     def joints(self) -> int:
@@ -99,6 +99,7 @@ class SmoothedMotion:
                 "force",
                 "regressor",
                 "rigid",
+                "clipped",
             )
         }
         return rows, evolve(
@@ -186,11 +187,20 @@ def prepare(recording: Recording, widths: Widths | None = None) -> SmoothedMotio
         other={name: stacked(run.other[name] for run in runs) for name in runs[0].other},
         angle_noise=noise,
         differentiated=any(run.dq is None or run.ddq is None for run in runs),
+        clipped=_clipped(runs, stride),
     )
 
 
+def _clipped(runs: Sequence[Run], stride: int) -> np.ndarray | None:
+    """Rows (n, nj) with a clipped torque among their samples; None where no torque was."""
+    if all(run.clipped is None for run in runs):
+        return None
+    marks = [np.zeros(run.tau.shape, bool) if run.clipped is None else run.clipped for run in runs]
+    return np.concatenate([np.logical_or.reduceat(m, np.arange(0, len(m), stride), axis=0) for m in marks])
+
+
 def _common_step(runs: Sequence[Run]) -> float:
-    """The sampling period [s] of all runs: derivatives, filters and delays count in it."""
+    """The sampling period [s] of all runs, which derivatives, filters and delays are based on."""
     step = float(np.median([run.step for run in runs]))
     rates = {f"{1 / run.step:.4g} Hz": run.name for run in reversed(runs)}
     if any(abs(run.step / step - 1) > SAME_RATE for run in runs):
@@ -220,11 +230,9 @@ def _derivatives(run: Run, widths: Widths, step: float) -> tuple[np.ndarray, ...
 class FitRows:
     """Thinned rows: which are used for which joint, in which block they lie.
 
-    index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal,
-    nor at an end;
-    block (m,) number of the contiguous block, blocks of held-out rows after those of fitted rows; train_blocks their
-    count;
-    searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
+    index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal
+    or a clipped torque, nor at an end; block (m,) number of the contiguous block, blocks of held-out rows after those
+    of fitted rows; train_blocks their count; searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
     """
 
     index: np.ndarray
@@ -259,7 +267,7 @@ def thinned(motion: SmoothedMotion) -> FitRows:
     index = np.concatenate([np.arange(a + every // 2, b, every) for a, b in motion.bounds])
     speed = standstill_speed(motion)
     usable = _usable(motion, index, every)
-    moving = usable[:, None] & ~_near_reversal(motion, index, speed)
+    moving = usable[:, None] & ~_near_reversal(motion, index, speed) & ~_near_clipped(motion, index)
     test = motion.test[index]
     block, train_blocks, blocks, seconds = _blocks(motion, index, test)
     return FitRows(
@@ -300,7 +308,7 @@ def _usable(motion: SmoothedMotion, index: np.ndarray, every: int) -> np.ndarray
 
 
 def _near_reversal(motion: SmoothedMotion, index: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """(m, nj): rows whose kernel sees a standstill or a change of direction of the joint."""
+    """(m, nj): rows whose kernel covers a standstill or a change of direction of the joint."""
     from scipy.ndimage import maximum_filter1d
 
     slow = np.abs(motion.dq) < speed
@@ -308,6 +316,16 @@ def _near_reversal(motion: SmoothedMotion, index: np.ndarray, speed: np.ndarray)
     slow[1:] |= sign[1:] != sign[:-1]
     reach = int(np.ceil(2.5 * motion.widths.total / motion.step))
     return maximum_filter1d(slow.astype(np.uint8), 2 * reach + 1, axis=0)[index] > 0
+
+
+def _near_clipped(motion: SmoothedMotion, index: np.ndarray) -> np.ndarray:
+    """(m, nj): rows whose kernel covers a clipped torque."""
+    from scipy.ndimage import maximum_filter1d
+
+    if motion.clipped is None:
+        return np.zeros((len(index), motion.joints), bool)
+    reach = int(np.ceil(2.5 * motion.widths.total / motion.step))
+    return maximum_filter1d(motion.clipped.astype(np.uint8), 2 * reach + 1, axis=0)[index] > 0
 
 
 def _blocks(motion: SmoothedMotion, index: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, int, int, float]:

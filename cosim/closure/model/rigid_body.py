@@ -24,8 +24,8 @@ class RigidBody:
     """Columns (n, nj, p) with the labels of their parameters, and `known` (n, nj), a torque that is taken as given.
 
     equations: the columns at other motions, with all parameters; None where they are only known along this one.
-    declared: parameters that are trusted, in `known` already; None where they are fitted.
-    recorded: number of leading columns that were recorded rather than formed.
+    declared: parameters that are trusted, in `known` already; None where they are fitted. recorded: number of leading
+    columns that were recorded rather than formed.
     """
 
     labels: tuple[Label, ...]

@@ -1,11 +1,9 @@
-"""The one filter of the residual pipeline: Gaussian kernels with finite memory, the same on both sides of the equation.
+"""The filter of the residuals: Gaussian kernels of finite length, the same on both sides of the equation.
 
 A recording is first smoothed by a short kernel K, which also gives the derivatives: q_s = K q, dq = K' q, ddq = K'' q,
-tau_s = K tau
-(exactly the derivative of the smoothed signal). Regressor columns are then formed and everything is smoothed again by F
-and
-thinned out. Columns that are sharp functions of the motion (a sign of velocity) get K as well, so both sides have
-passed K F.
+tau_s = K tau (exactly the derivative of the smoothed signal). Regressor columns are then formed and everything is
+smoothed again by F and thinned out. Columns that are sharp functions of the motion (a sign of velocity) get K as well,
+so both sides have passed K F.
 """
 
 import numpy as np
@@ -65,7 +63,7 @@ class Widths:
 
 
 TOTALS = (0.006, 0.010, 0.015, 0.025, 0.040, 0.060)  # s, the choices
-NOISE_SHARE = 0.02  # of the acceleration's RMS that position noise may make
+NOISE_SHARE = 0.02  # of the RMS of the acceleration that may be noise of the position
 
 
 def position_noise(q: np.ndarray) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""What a candidate is worth: evidence on blocks, errors, noise floor, selection, dependences of the residual."""
+"""How candidates are judged: evidence on blocks, errors, noise floor, selection, dependences of the residual."""

@@ -1,5 +1,5 @@
-"""Is anything left in the residual? Smooth functions of single signals, of pairs and of history compete under the rule
-of the claims.
+"""Whether anything is left in the residual: smooth functions of single signals, of pairs and of history compete under
+the rule for claims.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,8 +19,8 @@ PERSISTENT = 0.35  # share of the residual's square that its neighbours beyond t
 LARGE = 0.01  # of the torque
 BEYOND, MUCH = 4.0, 0.03
 """Times the noise of the sensors, and share of the torque, above which a residual cannot be called noise."""
-NEW = 2.0  # times the residual of fitted rows, and the noise, from which on held-out rows show what those do not
-DOUBT = 0.25  # share of what a name leaves that a nameless function has to take away to make the name doubtful
+NEW = 2.0  # times the residual of fitted rows, and the noise, above which held-out rows show something new
+DOUBT = 0.25  # share of what a name leaves that a nameless function has to remove to make the name doubtful
 FLEXIBLE = 2.5  # times the share of the error that one column has to remove, for a basis of eight functions
 
 

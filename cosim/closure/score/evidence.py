@@ -1,5 +1,5 @@
-"""Evidence for a candidate: what it takes away on blocks that the fit has not seen, and how sure its coefficients
-are.
+"""Evidence for a candidate: the error that it removes on blocks that the fit has not seen, and how sure its
+coefficients are.
 """
 
 import numpy as np
@@ -113,7 +113,7 @@ def relative_error(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _beside(old: Model, new: Model) -> Scene:
-    """The scene of the old model with the friction of the new one: what the sign of an estimate is judged by."""
+    """The scene of the old model with the friction of the new one, by which an estimate is judged physical."""
     viscous, coulomb = new.friction_levels
     return evolve(old.scene, viscous=viscous, coulomb=coulomb)
 
@@ -139,9 +139,7 @@ def _p_value(beta: np.ndarray, cov: np.ndarray, blocks: int) -> float:
 
 def standard_errors(difference: np.ndarray) -> float:
     """How surely the paired differences per block are positive, in standard errors: the larger of Student's t and
-    Wilcoxon's z.
-
-    Wilcoxon's signed ranks see an improvement that a few blocks hold most of, where t does not.
+    Wilcoxon's z. Signed ranks show an improvement that lies mostly in a few blocks, where t does not.
     """
     from scipy.stats import rankdata
 

@@ -1,7 +1,7 @@
 """The noise floor of a recording: how far the torque differs between repeats of the same motion.
 
-Where all joints go through the same motion again after a period P, the torque of the repeats has no reason to differ
-that a model of the motion could know.
+Where all joints repeat the same motion after a period P, no model of the motion can explain how the torque differs
+between the repeats.
 
     floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque
 """
@@ -63,7 +63,7 @@ def _cycles(motion: SmoothedMotion, a: int, b: int) -> np.ndarray | None:
 
 
 def period(q: np.ndarray, step: float) -> int | None:
-    """Rows after which every joint of q (n, nj) that moves is where it was; None if that is never so."""
+    """The number of rows after which the motion q (n, nj) repeats; None where it does not."""
     moved = q[:, np.ptp(q, axis=0) > 0]
     if moved.shape[1] == 0:
         return None

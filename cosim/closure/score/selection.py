@@ -21,11 +21,11 @@ from cosim.closure.score.evidence import EffectEvidence, relative_error, weigh
 from cosim.effects import Effect
 from cosim.effects.motion import Joints, Theta
 
-FORM_ERROR = 0.03  # of a strong effect's share of the torque: what its idealised form leaves over
-NEAR = 0.4  # share of the best candidate's gain from which on another is compared with a friction law of its own
-PLAIN = 0.97  # of the error that an unphysical step may leave at most to be taken: the data ask for it
+FORM_ERROR = 0.03  # of a strong effect's share of the torque: the error of its idealised form
+NEAR = 0.4  # share of the best candidate's gain above which another is compared with a friction law of its own
+PLAIN = 0.97  # of the error: a step to unphysical values has to leave less, so that the data clearly ask for it
 WORTH = 0.7  # of the squared error of unseen fitted blocks that a form with one parameter more may leave
-DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one takes away
+DESCENTS, DESCENDED = 8, 1e-4  # Gauss-Newton steps at most; share of the error that the last one removes
 TANGENT = 0.005  # step of the central differences in nonlinear parameters: a fraction of the narrowest resonance
 CLEARLY = 1.1  # times the gain of an effect on the whole arm, for effects of single joints to be preferred
 
@@ -185,8 +185,8 @@ def _settled_best(best: EffectEvidence, weighed: Sequence[EffectEvidence], rule:
 
 
 def _beside(model: Model, evidence: EffectEvidence, shares: dict[int, float]) -> str:
-    """Why the evidence does not support a claim beside the effects accepted before: it is smaller than
-    their error of form, or an alias of one.
+    """Why the evidence does not support a claim beside the effects accepted before: it is smaller than their error of
+    form, or an alias of one.
     """
     strongest = max((shares.get(j, 0.0) for j in evidence.joints), default=0.0)
     if evidence.size < FORM_ERROR * strongest:
@@ -275,7 +275,7 @@ def _descended(model: Model, number: int) -> Model:
 
 
 def _newton_steps(model: Model, number: int, free: tuple[int, ...]) -> np.ndarray:
-    """Steps of the free nonlinear parameters that the model, linearised in them, fits best with."""
+    """Best steps of the free nonlinear parameters for the model linearised in them."""
     columns = np.concatenate([column for column, _ in tangents(model, number, free)], axis=2)
     train = ~model.setting.rows.test
     x = np.concatenate((model.design, columns), axis=2)[:, train].reshape(-1, model.design.shape[2] + len(free))

@@ -4,8 +4,7 @@
     energies: T = 1/2 M11 w1^2 + 1/2 p5 w2^2 + 1/2 p6 w3^2 - p4/2 sin(q2 - q3) w2 w3,  V = p7 sin q2 - p8 cos q3
 
 Friction is either a smooth law (tanh or algebraic) inside the Runge-Kutta stages, or a true sign law with stiction by
-an
-impulse after each step that stops the joint when it can (Moreau's time stepping).
+an impulse after each step that stops the joint when it can (Moreau's time stepping).
 """
 
 from dataclasses import dataclass, field, fields
@@ -19,6 +18,7 @@ SEGMENT = (
 )
 SIGN, TANH, ALGEBRAIC = 0, 1, 2
 ELEMENTS = 3  # elasto-plastic elements of a presliding friction
+NEXT, BEFORE = [1, 2, 0], [2, 0, 1]  # of each joint, the next one and the one before
 
 
 def _joint(value=0.0):
@@ -161,7 +161,11 @@ def rigid_terms(p, q, w, tilt):
 def solve(m11, m22, m33, m23, f):
     """M^-1 f for the arm's mass matrix, f (3, S)."""
     det = m22 * m33 - m23 * m23
-    return np.stack((f[0] / m11, (m33 * f[1] - m23 * f[2]) / det, (m22 * f[2] - m23 * f[1]) / det))
+    out = np.empty(f.shape)
+    out[0] = f[0] / m11
+    out[1] = (m33 * f[1] - m23 * f[2]) / det
+    out[2] = (m22 * f[2] - m23 * f[1]) / det
+    return out
 
 
 def tip(q):
@@ -209,7 +213,7 @@ def levels(b, q, w, drive, t, positive):
     if b.active["warm_up"]:
         level = level * (1 + b.warm_up * (1 - np.exp(-t / b.warm_time)))
     if b.active["squeeze"]:
-        level = level * (1 + b.squeeze * np.roll(q, -1, axis=0) ** 2)
+        level = level * (1 + b.squeeze * q[NEXT] ** 2)
     if b.active["sticky"]:
         level = level * (1 + b.sticky * (np.mod(t, 4.0) < 1.5))
     return level
@@ -294,7 +298,7 @@ class Arms:
         b = self.b
         u = (1 + b.gain) * command
         if b.active["crosstalk"]:
-            u = u + b.crosstalk * np.roll(command, -1, axis=0)
+            u = u + b.crosstalk * command[NEXT]
         if b.active["sag"]:
             u = u * np.exp(-b.sag * self.t)
         if b.active["delay"]:
@@ -333,7 +337,7 @@ class Arms:
                 force = force + wall(b, q, w)
             acceleration = solve(m11, m22, m33, m23, force)
             for _ in range(8 if b.active["flywheel"] else 0):  # a small part of the mass matrix: iterated
-                carried = b.flywheel * np.roll(acceleration, -1, axis=0) + np.roll(b.flywheel * acceleration, 1, axis=0)
+                carried = b.flywheel * acceleration[NEXT] + (b.flywheel * acceleration)[BEFORE]
                 acceleration = solve(m11, m22, m33, m23, force - carried)
             return w, acceleration
 

@@ -2,9 +2,8 @@
 nulls|detection|pairs|outside|viscosity
 
 Every study simulates with tests/support/rig (own equations) and judges with `close_loop` as the command does. Nothing
-in the tool is fitted to
-the seeds used here: the rule was set on seeds below 11000, the studies use seeds from 11000 on;
-only that a gap may stand behind an encoder's offset was added after a look at single effects on the latter.
+in the tool is fitted to the seeds used here: the rule was set on seeds below 11000, the studies use seeds from 11000
+on; only that a gap may stand behind an encoder's offset was added after a look at single effects on the latter.
 """
 
 import argparse

@@ -1,0 +1,243 @@
+"""Search for the delay law within a bound that makes a sampled loop grow fastest: policy iteration over a period."""
+
+import numpy as np
+from attrs import cmp_using, field, frozen
+
+from cosim.analysis.sampled_loop import SampledLoop
+from cosim.errors import InputError, Problem
+
+_IMPROVEMENTS = 12
+_COARSE = 10
+"""Steps taken together in the first search."""
+
+
+def _whole(values) -> np.ndarray:
+    ages = np.atleast_2d(np.array(values, dtype=int))
+    ages.flags.writeable = False
+    return ages
+
+
+@frozen
+class DelayLaw:
+    """A periodic delay law on a loop: `ages` (channels, period) in steps, repeated for ever.
+
+    `multiplier` is the Floquet multiplier of largest modulus of the loop under this law, `step` [s].
+    """
+
+    ages: np.ndarray = field(converter=_whole, eq=cmp_using(np.array_equal))
+    step: float
+    multiplier: complex
+
+    @property
+    def growth_rate(self) -> float:
+        """ln |multiplier| over the period [1/s]; above zero the loop is destroyed."""
+        return float(np.log(max(abs(self.multiplier), 1e-300)) / (self.ages.shape[1] * self.step))
+
+    @property
+    def max_delay(self) -> float:
+        """Largest delay of the law [s]."""
+        return float(self.ages.max() * self.step)
+
+    def trace(self, duration: float) -> np.ndarray:
+        """Rows (time, delay of each channel) [s] at every step up to a duration, shape (n, 1 + channels)."""
+        k = np.arange(round(duration / self.step) + 1)
+        return np.column_stack([k * self.step, self.ages[:, k % self.ages.shape[1]].T * self.step])
+
+
+def under(loop: SampledLoop, ages: np.ndarray) -> DelayLaw:
+    """A given periodic law with its Floquet multiplier, by the eigenvalues of the map over one period."""
+    ages = _whole(ages)
+    if ages.shape[0] != loop.channels or ages.min() < 0:
+        raise InputError(Problem("delay law", f"ages >= 0 for {loop.channels} channels", f"{ages.shape[0]} rows"))
+    values = np.linalg.eigvals(_period_map(loop, ages, int(ages.max())))
+    return DelayLaw(ages, loop.step, complex(values[np.argmax(np.abs(values))]))
+
+
+def destroying_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:
+    """The law with the smallest bound [steps], searched between low and high, that makes the loop grow; None if none.
+
+    `ways`: which law each channel follows, (0, 0) for the same law both ways, (0, 1) for independent ones. Periods and
+    bounds are searched on a loop of coarser steps; at the loop's own step the law is improved, and the bound follows
+    the line through the growth rates until the smallest growing one is found. A law found is a proof that it exists;
+    that no smaller bound has one is for a certificate to say.
+    """
+    start = _coarse_law(loop, ways, low, high)
+    if start is None:
+        return None
+    laws: dict[int, DelayLaw] = {}
+    most, slope = int(start.ages.max()), 0.5 / start.max_delay
+    start = max((_tuned(loop, most, ways, law, 8) for law in (start, _held_peak(loop, most))), key=_rate)
+    for _ in range(8):
+        laws[most] = start
+        ends = laws[min(laws)], laws[max(laws)]
+        if ends[0] is not ends[1]:
+            slope = (ends[1].growth_rate - ends[0].growth_rate) / (ends[1].max_delay - ends[0].max_delay)
+        step = start.growth_rate / max(slope, 1e-2) / loop.step
+        most -= max(int(step), 1) if start.growth_rate > 0.0 else min(int(np.floor(step)), -1)
+        if most in laws or not low <= most <= high:
+            break
+        start = _tuned(loop, most, ways, start, 2)
+    exact = (under(loop, law.ages) for _, law in sorted(laws.items()) if law.growth_rate > 0.0)
+    return next((law for law in exact if law.growth_rate > 0.0), None)
+
+
+def _coarse_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:
+    """A law of the loop's own step near the smallest destroying bound, from a search at coarser steps."""
+    coarse = coarser(loop, _COARSE)
+    low, high = max(low // _COARSE - 1, 1), -(-high // _COARSE)
+    best = _searched(coarse, high, ways)
+    if best.growth_rate <= 0.0:
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        law = _tuned(coarse, middle, ways, best, 4)
+        if law.growth_rate <= 0.0:
+            law = _searched(coarse, middle, ways)
+        if law.growth_rate > 0.0:
+            best, high = law, middle
+        else:
+            low = middle
+    return DelayLaw(np.repeat(best.ages, _COARSE, axis=1) * _COARSE, loop.step, best.multiplier)
+
+
+def _held_peak(loop: SampledLoop, most: int) -> DelayLaw:
+    """The law that keeps an extreme in sight as long as it can, in each half period of the mode of the full delay."""
+    full = under(loop, np.full((loop.channels, 1), most)).multiplier
+    half = max(round(np.pi / max(abs(np.angle(full)), 1e-3)), 2)
+    return DelayLaw(np.tile(np.minimum(np.arange(half), most), (loop.channels, 1)), loop.step, full)
+
+
+def _searched(loop: SampledLoop, most: int, ways: tuple[int, ...]) -> DelayLaw:
+    """The best of many starts, tuned: a value held in sight and then the full delay, or a full delay with a pause.
+
+    Periods of 1.5 to 6 times the bound; independent ways start a third of a period apart.
+    """
+    found = []
+    for period in sorted({round(most * factor) for factor in np.geomspace(1.5, 6.0, 32)}):
+        k = np.arange(period)
+        for start in (np.minimum(k, most), np.where(k < 0.2 * period, 0, most)):
+            ages = np.array([np.roll(start, way * period // 3) for way in ways])
+            found.append(_improved(loop, most, ways, ages))
+    found.sort(key=_rate, reverse=True)
+    return max((_tuned(loop, most, ways, law, 4) for law in found[:3]), key=_rate)
+
+
+def _rate(law: DelayLaw) -> float:
+    return law.growth_rate
+
+
+def _tuned(loop: SampledLoop, most: int, ways: tuple[int, ...], start: DelayLaw, change: int) -> DelayLaw:
+    """The law for a bound, from one for another bound; the period climbs by smaller and smaller changes [steps]."""
+    best = _improved(loop, most, ways, _fitted(start.ages, start.ages.shape[1], most))
+    while change >= 1:
+        period = best.ages.shape[1]
+        others = [_improved(loop, most, ways, _fitted(best.ages, period + sign * change, most)) for sign in (-1, 1)]
+        other = max(others, key=_rate)
+        if other.growth_rate > best.growth_rate:
+            best = other
+        else:
+            change //= 2
+    return best
+
+
+def coarser(loop: SampledLoop, together: int) -> SampledLoop:
+    """The loop over several steps at once, the difference w that the delay makes held meanwhile."""
+    n = len(loop.transition)
+    power, summed = np.eye(n), np.zeros((n, n))
+    moved, moved_now = np.zeros_like(loop.moved), np.zeros_like(loop.moved_now)
+    for _ in range(together):
+        moved, moved_now = moved + loop.moved @ power, moved_now + loop.moved @ summed @ loop.drive + loop.moved_now
+        power, summed = loop.transition @ power, loop.transition @ summed + np.eye(n)
+    return SampledLoop(power, summed @ loop.drive, moved, moved_now, loop.step * together)
+
+
+def _fitted(ages: np.ndarray, period: int, most: int) -> np.ndarray:
+    """A law stretched to another period and bound."""
+    at = np.arange(period) * ages.shape[1] // period
+    return np.rint(ages[:, at] * (most / ages.max())).astype(int)
+
+
+def _improved(loop: SampledLoop, most: int, ways: tuple[int, ...], ages: np.ndarray) -> DelayLaw:
+    """Policy iteration: at each step the age that most helps the growing motion, by the adjoint of the period map."""
+    best, size, idle = ages, 0.0, 0
+    for _ in range(_IMPROVEMENTS):
+        period_map = _period_map(loop, ages, most)
+        motion, gain = _grown(period_map)
+        if gain > size * (1.0 + 1e-6):
+            best, size, idle = ages, gain, 0
+        else:
+            idle += 1
+        if idle > 1:
+            break
+        goal = _grown(period_map.T)[0]  # d lambda = goal dM motion / (goal motion)
+        ages = _better(loop, most, ways, ages, motion, goal * np.sign(goal @ period_map @ motion))
+    return DelayLaw(best, loop.step, complex(size))
+
+
+def _grown(matrix: np.ndarray, turns: int = 60) -> tuple[np.ndarray, float]:
+    """The direction that a matrix makes grow most, and the modulus of its eigenvalue, by powers of it.
+
+    The eigenvalue, or the complex pair, is read off three successive vectors: M^2 v = a M v + b v.
+    """
+    v = np.ones(len(matrix))
+    for _ in range(turns):
+        v = matrix @ v
+        v /= max(np.linalg.norm(v), 1e-300)
+    once = matrix @ v
+    a, b = np.linalg.lstsq(np.column_stack([once, v]), matrix @ once, rcond=1e-9)[0]
+    return v, float(np.abs(np.roots([1.0, -a, -b])).max())
+
+
+def _period_map(loop: SampledLoop, ages: np.ndarray, most: int) -> np.ndarray:
+    """The linear map of (s, x[k-1] - x[k], .., x[k-most] - x[k] of each channel) over the law's period."""
+    n, p, period = len(loop.transition), loop.channels, ages.shape[1]
+    size = n + p * most
+    state = np.eye(n, size)
+    past = np.zeros((p, most + 1 + period, size))  # x of each channel from k = -most on, over the starting values
+    for c in range(p):
+        past[c, most - 1 :: -1] = 0.0
+        past[c, :most, n + c * most : n + (c + 1) * most] = np.eye(most)[::-1]
+    channels = np.arange(p)
+    for k in range(period):
+        now = past[:, most + k]
+        late = past[channels, most + k - ages[:, k]] - now
+        past[:, most + k + 1] = now + loop.moved @ state + loop.moved_now @ late
+        state = loop.transition @ state + loop.drive @ late
+    ends = [past[c, period + most - 1 : period - 1 if period else None : -1] - past[c, most + period] for c in range(p)]
+    return np.vstack([state, *ends])
+
+
+def _better(loop: SampledLoop, most: int, ways, ages: np.ndarray, motion: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """For each step the age that moves the end of the period furthest along `goal`, on the given motion."""
+    n, p, period = len(loop.transition), loop.channels, ages.shape[1]
+    x = _positions(loop, most, ages, motion)
+    pull = np.zeros((p, most + 1 + period))  # derivative of the goal by x
+    for c in range(p):
+        part = goal[n + c * most : n + (c + 1) * most]
+        pull[c, period : period + most] += part[::-1]
+        pull[c, most + period] -= part.sum()
+    force, channels = goal[:n].copy(), np.arange(p)
+    chosen = np.empty_like(ages)
+    laws = [[c for c in range(p) if ways[c] == way] for way in ways]
+    for k in range(period - 1, -1, -1):
+        ahead = pull[:, most + k + 1]
+        help_ = loop.drive.T @ force + loop.moved_now.T @ ahead
+        worth = help_[:, None] * x[:, k : k + most + 1]
+        chosen[:, k] = [most - int(np.argmax(worth[law].sum(axis=0))) for law in laws]
+        pull[:, most + k] += ahead - help_
+        np.add.at(pull, (channels, most + k - ages[:, k]), help_)
+        force = loop.transition.T @ force + loop.moved.T @ ahead
+    return chosen
+
+
+def _positions(loop: SampledLoop, most: int, ages: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """x of each channel from k = -most to the end of the period, from a starting value of `_period_map`."""
+    n, p, period = len(loop.transition), loop.channels, ages.shape[1]
+    x = np.zeros((p, most + 1 + period))
+    x[:, :most] = motion[n:].reshape(p, most)[:, ::-1]
+    state, channels = motion[:n], np.arange(p)
+    for k in range(period):
+        late = x[channels, most + k - ages[:, k]] - x[:, most + k]
+        x[:, most + k + 1] = x[:, most + k] + loop.moved @ state + loop.moved_now @ late
+        state = loop.transition @ state + loop.drive @ late
+    return x

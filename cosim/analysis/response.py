@@ -1,0 +1,151 @@
+"""The quadratic form of a certificate on the response of its loop, enclosed over intervals of frequency by balls.
+
+The only importer of `flint`. A pair (value, slope) is a quantity and its derivative by the frequency.
+"""
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from cosim.analysis.certificate import Certificate
+from cosim.errors import InputError, Problem
+
+_BITS = 80
+
+
+class Response:
+    """F(w) = sum_c Phi_c^* P_c Phi_c + rests R |Delta^2 x_c|^2, a Hermitian (p, p), with its derivative."""
+
+    def __init__(self, certificate: Certificate) -> None:
+        flint = _flint()
+        self._flint = flint
+        self._loop, self._grid, self._uses = certificate.loop, certificate.grid, certificate.uses
+        self._a, self._b = (self._matrix(m) for m in (certificate.loop.transition, certificate.loop.drive))
+        self._c, self._d = (self._matrix(m) for m in (certificate.loop.moved, certificate.loop.moved_now))
+        self._forms = [self._matrix(m.form) for m in certificate.multipliers]
+        bounds = [flint.arb(flint.fmpq(r.numerator, r.denominator)) for r in certificate.grid.rests()]
+        self._bends = [
+            sum((bound * flint.arb(float(r)) for bound, r in zip(bounds, m.rests)), flint.arb(0))
+            for m in certificate.multipliers
+        ]
+
+    def negative(self, low: Fraction, high: Fraction) -> bool:
+        """Whether F is proven negative definite on [low, high]: F(middle) + F'([low, high]) (w - middle).
+
+        With V the eigenvectors at the middle V^* F V is nearly diagonal; where its negative has dominant positive
+        diagonals (Gershgorin), V is regular and F negative definite.
+        """
+        with self._flint.ctx.workprec(_BITS):
+            return self._negative(low, high)
+
+    def _negative(self, low: Fraction, high: Fraction) -> bool:
+        arb, acb_mat = self._flint.arb, self._flint.acb_mat
+        middle, half = self._ball((low + high) / 2), self._ball((high - low) / 2)
+        reach = arb(0, 1) * half
+        try:
+            (value, _), (_, slope) = self._form(middle), self._form(middle + reach)
+        except ZeroDivisionError:  # z - A may be singular somewhere in a ball this wide
+            return False
+        p = self._loop.channels
+        frame = np.linalg.eigh(_floats(value))[1]
+        turn = acb_mat([[complex(frame[i, j]) for j in range(p)] for i in range(p)])
+        both = _star(turn) * (value + slope * self._flint.acb(reach)) * turn
+        return all(
+            bool((both[i, i].real + sum((abs(both[i, j]) for j in range(p) if j != i), arb(0))) < 0) for i in range(p)
+        )
+
+    def _form(self, w):
+        """F(w) and F'(w) at a ball w."""
+        flint, p, grid = self._flint, self._loop.channels, self._grid
+        moved, moved_slope = self._increments(w)
+        back = self._back(w)
+        value, slope = flint.acb_mat(p, p), flint.acb_mat(p, p)
+        late = [self._late(w, lift) for lift in grid.lifts]
+        one, one_slope = self._late(w, 1)
+        for c, g in enumerate(self._uses):
+            phi = [[z if k == c else flint.acb(0) for k in range(p)] for z, _ in late]
+            dphi = [[dz if k == c else flint.acb(0) for k in range(p)] for _, dz in late]
+            phi += [[s * moved[c, k] for k in range(p)] for s, _ in back]
+            dphi += [[ds * moved[c, k] + s * moved_slope[c, k] for k in range(p)] for s, ds in back]
+            self._add(value, slope, flint.acb_mat(phi), flint.acb_mat(dphi), self._forms[g])
+            bend = [[(1 - one) * moved[c, k] for k in range(p)]]
+            dbend = [[(1 - one) * moved_slope[c, k] - one_slope * moved[c, k] for k in range(p)]]
+            self._add(value, slope, flint.acb_mat(bend), flint.acb_mat(dbend), flint.acb_mat([[self._bends[g]]]))
+        return value, slope
+
+    def _add(self, value, slope, phi, dphi, form) -> None:
+        """value += Phi^* P Phi, slope += its derivative."""
+        left = _star(phi) * form
+        half = left * dphi
+        square, change = left * phi, half + _star(half)
+        for i in range(value.nrows()):
+            for j in range(value.ncols()):
+                value[i, j] += square[i, j]
+                slope[i, j] += change[i, j]
+
+    def _increments(self, w):
+        """H(w) = C (z - A)^-1 B + D and its derivative -C (z - A)^-1 i z (z - A)^-1 B."""
+        flint = self._flint
+        z = (flint.acb(0, 1) * flint.acb(w)).exp()
+        n = self._a.nrows()
+        pencil = flint.acb_mat([[(z if i == j else 0) - self._a[i, j] for j in range(n)] for i in range(n)])
+        inner = pencil.inv()
+        state = inner * self._b
+        return self._c * state + self._d, self._c * (inner * state) * (-flint.acb(0, 1) * z)
+
+    def _late(self, w, steps: int):
+        """z^-steps and its derivative."""
+        flint = self._flint
+        turn = (flint.acb(0, -steps) * flint.acb(w)).exp()
+        return turn, turn * flint.acb(0, -steps)
+
+    def _back(self, w):
+        """x[k - p] - x[k] over x[k+1] - x[k] at each point p: minus the sum of z^-s for s = 1..p, with derivatives."""
+        sums, found, before = {}, [], 0
+        total, dtotal = self._flint.acb(0), self._flint.acb(0)
+        for point in self._grid.points:
+            stretch = point - before
+            if stretch not in sums:
+                sums[stretch] = self._summed(w, stretch)
+            (part, dpart), (late, dlate) = sums[stretch], self._late(w, before)
+            total, dtotal = total - late * part, dtotal - late * dpart - dlate * part
+            found.append((total, dtotal))
+            before = point
+        return found
+
+    def _summed(self, w, steps: int):
+        """sum of z^-s for s = 1..steps, by halves: S(2n) = S(n) (1 + z^-n), no division by 1 - z."""
+        if steps == 1:
+            return self._late(w, 1)
+        n = steps // 2
+        (total, dtotal), (late, dlate) = self._summed(w, n), self._late(w, n)
+        total, dtotal = total * (1 + late), dtotal * (1 + late) + total * dlate
+        if steps % 2:
+            last, dlast = self._late(w, steps)
+            total, dtotal = total + last, dtotal + dlast
+        return total, dtotal
+
+    def _matrix(self, values: np.ndarray):
+        return self._flint.acb_mat([[self._flint.acb(float(v)) for v in row] for row in values])
+
+    def _ball(self, value: Fraction):
+        return self._flint.arb(self._flint.fmpq(value.numerator, value.denominator))
+
+
+def _flint() -> Any:
+    """The package of balls, an extra of the installation."""
+    try:
+        import flint
+    except ImportError as error:
+        advice = "pip install 'haptic-cosim[certify]'"
+        raise InputError(Problem("certificate", "the package python-flint", str(error), advice)) from error
+    return flint
+
+
+def _star(matrix):
+    return matrix.conjugate().transpose()
+
+
+def _floats(matrix) -> np.ndarray:
+    return np.array([[complex(value) for value in row] for row in matrix.tolist()])

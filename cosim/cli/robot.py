@@ -1,0 +1,31 @@
+"""`cosim robot`: an arm from its URDF."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    urdf: Annotated[Path, typer.Argument(help="URDF file (a .xacro file must be expanded first)")],
+    base: Annotated[str | None, typer.Option(help="link that stands still; default: the root")] = None,
+    tip: Annotated[
+        str | None, typer.Option(help="link at the end; default: where the chains with most joints end or part")
+    ] = None,
+    fmi: Annotated[int, typer.Option(help="FMI version of the FMU, 2 or 3")] = 3,
+    platform: Annotated[
+        list[str] | None, typer.Option(help="platform of the binaries, FMI 3 name; may be repeated")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder to write to; default: results/NAME")] = None,
+) -> None:
+    """An arm from its URDF: NAME.fmu that holds it, robot.json, report.html."""
+    import cosim
+    from cosim.cli.folder import made
+
+    found = cosim.robot(urdf, base=base, tip=tip)
+    folder = made(out or Path("results") / urdf.stem)
+    fmu = found.save(folder, fmi=fmi, platforms=platform, progress=lambda text: print(text, file=sys.stderr))
+    for doubt in found.doubts:
+        print(f"doubtful: {doubt}", file=sys.stderr)
+    print(f"{found}\nwritten: {fmu}, {folder / 'robot.json'}, {folder / 'report.html'}")

@@ -1,0 +1,79 @@
+"""Recordings that failed once, with what is expected of them: shared/cases/recordings and reliability/13."""
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import InputError
+
+TRUTH = {"inertia": 0.8, "viscous": 1.1, "coulomb": 0.6, "offset": 0.05}
+
+
+READ = [
+    ("01-ns-stamps/ns_epoch.csv", "2024-06-10T06:13:20.123456789"),
+    ("01-ns-stamps/pq_ts_ns.parquet", "2024-06-10T06:13:20.123456789"),
+    ("01-ns-stamps/pq_uint64err.parquet", ""),
+    ("03-mat-two-structs/mat_len.mat", ""),
+    ("09-ros-exports/iso_time.csv", "2024-06-10T06:13:20"),
+    ("09-ros-exports/rostopic.csv", "2024-06-10T06:13:20.123456789"),
+    ("10-excel-leftovers/preamble.csv", "3 lines above the header in line 5 skipped, the first: 'Logger v2.1'"),
+    ("10-excel-leftovers/trail2.csv", ""),
+]
+
+
+@pytest.mark.parametrize(("name", "note"), READ)
+def test_cases_that_are_read_give_the_true_parameters(cases, name, note):
+    data = cosim.read(cases / "recordings" / name)
+    assert note in "\n".join(data.warnings)
+    assert all(np.ptp(np.diff(run.time)) < 1e-9 and run.step == pytest.approx(0.002, rel=1e-9) for run in data.runs)
+    found = {p["name"]: p for p in cosim.identify(data).to_dict()["parameters"]}
+    assert set(found) == set(TRUTH)
+    for parameter, value in TRUTH.items():
+        low, high = found[parameter]["interval"]
+        width = high - low  # one of twenty 95 % intervals misses; the next width beside it does not
+        assert low - width / 2 <= value <= high + width / 2, parameter
+
+
+REFUSED = [
+    ("03-mat-two-structs/mat_two.mat", ("ur_a.q, ur_b.q", "ur_a.tau, ur_b.tau", "ur_a.t, ur_b.t")),
+    ("03-mat-two-structs/mat_cell.mat", ("runs{1}.q, runs{2}.q", "runs{1}.tau, runs{2}.tau")),
+    ("09-ros-exports/pq_list.parquet", ("position[1], position[2]", "effort[1], effort[2]")),
+    ("10-excel-leftovers/us_nounit.csv", ('the unit that fits is "us" (500 Hz)', '[units] time = "us"')),
+]
+
+
+@pytest.mark.parametrize(("name", "words"), REFUSED)
+def test_cases_that_stay_open_say_what_is_in_the_file(cases, name, words):
+    with pytest.raises(InputError) as caught:
+        cosim.read(cases / "recordings" / name)
+    for word in words:
+        assert word in str(caught.value)
+    assert '"ms"' not in str(caught.value)
+
+
+@pytest.mark.parametrize(("robot", "factor"), [("ur_a", 1.0), ("ur_b", 1.5)])
+def test_either_robot_of_one_file_by_its_whole_name(cases, tmp_path, robot, factor):
+    """ur_b holds 2 q and 3 tau of ur_a: inertia and friction per speed are 1.5 times as large."""
+    columns = "\n".join(f'{role} = "{robot}.{name}"' for role, name in (("time", "t"), ("q", "q"), ("tau", "tau")))
+    (tmp_path / "d.toml").write_text(f'device = "axis"\n[columns]\n{columns}\n')
+    data = cosim.read(cases / "recordings/03-mat-two-structs/mat_two.mat", description=tmp_path / "d.toml")
+    found = {p["name"]: p for p in cosim.identify(data).to_dict()["parameters"]}
+    assert found["inertia"]["value"] == pytest.approx(0.8 * factor, rel=2e-3)
+    assert found["viscous"]["value"] == pytest.approx(1.1 * factor, rel=1e-2)
+
+
+def test_the_unit_that_fits_is_the_one_that_works(cases, tmp_path):
+    path = cases / "recordings/10-excel-leftovers/us_nounit.csv"
+    text = path.with_suffix(".toml").read_text() + '\n[units]\ntime = "us"\n'
+    (tmp_path / "d.toml").write_text(text)
+    assert cosim.read(path, description=tmp_path / "d.toml").runs[0].step == pytest.approx(0.002, rel=1e-12)
+
+
+def test_a_table_in_utf_32_is_read(cases):
+    data = cosim.read(cases / "reliability/13-internal-errors/utf16.csv")
+    assert "encoding utf-32" in "\n".join(data.warnings) and len(data.runs[0]) == 2500
+
+
+def test_a_time_column_in_several_units_is_refused(cases):
+    with pytest.raises(InputError, match="in one unit throughout"):
+        cosim.read(cases / "reliability/13-internal-errors/time-scale.csv")

@@ -139,7 +139,7 @@ class _Paths:
         self.channels = channels
         age = {str(hop.connection): hop.age for hop in wiring.hops}
         self.sources = {
-            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age))
+            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age), link.gain)
             for link in wiring.links
         }
         self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
@@ -166,9 +166,9 @@ class _Paths:
 
     def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
         if (name, variable) not in self.known:
-            component, output, age = self.sources[f"{name}.{variable}"]
+            component, output, age, gain = self.sources[f"{name}.{variable}"]
             self.known[name, variable] = {
-                Way(round(way.age + age, 12), way.channels): vector
+                Way(round(way.age + age, 12), way.channels): gain * vector
                 for way, vector in self._output(component, output).items()
             }
         return self.known[name, variable]

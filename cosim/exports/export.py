@@ -36,6 +36,8 @@ def export(
     for importers that know none. Raises InputError for an unknown platform, RunError where
     an FMU cannot be built or a file not be written.
     """
+    if problems := _untold(wiring):
+        raise InputError(problems)
     fmus = tuple(path for fmi in (2, 3) for path in _models(fmi, folder / f"fmi{fmi}", platforms, progress))
     for path in () if enumerations else fmus:
         path.write_bytes(whole_numbers(path).read_bytes())
@@ -47,6 +49,14 @@ def export(
     places = {fmi: folder / f"fmi{fmi}" / f"{name}.fmu" for fmi in (2, 3)}
     containers = tuple(write_container(wiring, path, fmi, enumerations) for fmi, path in places.items())
     return Exported(fmus, ssp, containers)
+
+
+def _untold(wiring: Wiring) -> list[Problem]:
+    """Connections whose values change on their way, or that are texts: the container would pass them on as they are."""
+    odd = [link for link in wiring.links if link.scaled or link.conversion or link.text]
+    expected, advice = "a value that arrives as it left", "give both ends the same unit and type, or leave it out"
+    got = {link: "a text" if link.text else "one that is converted" for link in odd}
+    return [Problem(f"export: {link.source} -> {link.target}", expected, got[link], advice) for link in odd]
 
 
 def _models(fmi: int, folder: Path, platforms: Sequence[str] | None, progress: Progress | None) -> list[Path]:

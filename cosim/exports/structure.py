@@ -74,7 +74,9 @@ def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
         first = runner(brief)(brief, system)
     values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}
     for link in wiring.links:
-        values[link.target.component][link.target.variable] = float(first.signals[str(link.source)][0])
+        if not link.text:
+            value = float(first.signals[str(link.source)][0])
+            values[link.target.component][link.target.variable] = link.gain * value + link.shift
     return values
 
 

@@ -73,9 +73,9 @@ def played(component: Component, path: Path, scenario: Scenario, progress: Progr
     if component.repeat and len(table) > 1:
         return _repeated(table, stop)
     if first > stop or last < 0.0:
-        got = f"stamps from {first:.10g} to {last:.10g} s"
+        got, begin = f"stamps from {first:.10g} to {last:.10g} s", component.offset - first
         raise InputError(
-            Problem(str(path), f"stamps within the run, 0 to {stop:g} s", got, f"offset = {-first:.10g} begins it at 0")
+            Problem(str(path), f"stamps within the run, 0 to {stop:g} s", got, f"offset = {begin:.10g} begins it at 0")
         )
     return table
 

@@ -423,3 +423,10 @@ def test_what_an_fmu_holds_and_a_scenario_that_runs_it(tmp_path):
     assert len(result.time) == 51 and result.vector("fmu.y")[-1].tolist() == [10.0, 20.0, 30.0]
     with pytest.raises(InputError, match="no such file"):
         cosim.inspect(tmp_path / "none.fmu")
+
+
+def test_a_container_is_not_made_of_what_it_would_change(tmp_path):
+    a = fmi2(tmp_path / "a.fmu", [("x", 3, "output", "Real", {"unit": "m"})])
+    b = fmi2(tmp_path / "b.fmu", [X, ("u", 1, "input", "Real", {"start": 0, "unit": "mm"})])
+    with pytest.raises(InputError, match=r"export: a.x -> b.u: expected a value that arrives as it left, got one that"):
+        cosim.export(scenario(tmp_path, {"a": (a, {}), "b": (b, {})}, ["a.x -> b.u"]), tmp_path / "out")

@@ -32,13 +32,21 @@ def warnings(made):
         return system.wiring(made).warnings
 
 
-def test_stamps_since_1970_are_refused_with_the_offset_that_mends_them():
-    with pytest.raises(cosim.InputError, match=r"stamps within the run, 0 to 6 s, got .*; offset = -1718000000"):
-        run(played("d_epoch2.csv"))
-    moved, plain = run(played("d_epoch2.csv", offset=-1718000000)), run(played("d_rel2.csv"))
+def test_stamps_since_1970_are_counted_from_the_first_and_that_is_told():
+    told = []
+    moved, plain = played("d_epoch2.csv"), run(played("d_rel2.csv"))
+    with open_system(moved, told.append) as system:
+        result = run(moved, system)
+    assert any("1718000000" in note or "1970" in note or "first" in note for note in told), told
     # a double holds 1718000000 s to 2.4e-7 s, and the delays change by less than 0.1 s in a second
-    np.testing.assert_allclose(moved.signals["trace.y[1]"], plain.signals["trace.y[1]"], atol=2.4e-8)
+    np.testing.assert_allclose(result.signals["trace.y[1]"], plain.signals["trace.y[1]"], atol=2.4e-8)
     assert plain.signals["trace.y[1]"].min() == 0.05 and plain.signals["trace.y[1]"].max() > 0.15
+
+
+@pytest.mark.parametrize("offset", [6.5, -20.0])
+def test_stamps_outside_the_run_are_refused(offset):
+    with pytest.raises(cosim.InputError, match=r"stamps within the run, 0 to 6 s, got .*; offset = .* begins it at 0"):
+        run(played("d_rel2.csv", offset=offset))
 
 
 def test_a_recording_that_ends_early_or_begins_late_is_told():

@@ -16,7 +16,7 @@ from attrs import frozen
 from cosim.errors import InputError
 from cosim.identification.identification import identify
 from cosim.measured import read
-from tests.support.axis_rig import FAULTS, STRENGTHS, TRUTH, recorded
+from tests.support.axis_rig import FAULTS, STRENGTHS, TRUTH, AxisTable, recorded
 
 EXPECTED = {
     "dropout": ("jump", "hole"),

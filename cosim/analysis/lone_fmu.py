@@ -67,7 +67,7 @@ def lone(wiring: Wiring, instances: Sequence[Instance], store: np.ndarray) -> di
         instance.name: LoneFmu(
             instance,
             wiring.starts[instance.name],
-            source.values(store),
+            source.values(store).copy(),
             components[instance.name].step_multiple * step_ns,
         )
         for instance, source in zip(instances, initial_sources(wiring))

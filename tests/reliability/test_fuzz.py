@@ -14,7 +14,7 @@ import pytest
 import cosim
 from cosim.results.files import write_h5
 from tests.support import hostile
-from tests.support.fuzz import FuzzBench, summary_text
+from tests.support.fuzz import FuzzedInputs, summary_text
 
 COUNT, MANY = 200, 2000
 LONGEST = 30  # s that an input may take
@@ -25,7 +25,7 @@ def bench(tmp_path):
     """Everything imported and compiled, so that a forked child of this process begins at once."""
     for module in ("cli.run", "cli.sweep", "cli.identify", "report.identify", "report.sweep", "scenario.ssp"):
         import_module(f"cosim.{module}")
-    made = FuzzBench(tmp_path)
+    made = FuzzedInputs(tmp_path)
     result = cosim.run(hostile.scenario("HONEST", tmp_path))
     write_h5(result.raw, tmp_path / "whole.h5")
     (tmp_path / "whole.json").write_text(summary_text())

@@ -51,7 +51,8 @@ from pathlib import Path
 from cosim.results.files import write_table
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 try:
-    write_table({"a": [1.0] * 10, "b": ["x"] * 10}, {}, {"long": "y" * 60_000, **{f"k{n}": "y" * 60_000 for n in range(9)}},
+    long = {f"k{n}": "y" * 60_000 for n in range(9)}
+    write_table({"a": [1.0] * 10, "b": ["x"] * 10}, {}, long,
         Path(sys.argv[1]))
 except OSError as error:
     print(error.strerror)

@@ -13,9 +13,9 @@ from typing import IO
 from build_fmus.errors import BuildError
 
 try:
-    from fcntl import LOCK_EX, LOCK_NB, flock
+    import fcntl
 except ImportError:  # Windows: what a killed process leaves there is not looked for
-    flock = None
+    fcntl = None
 
 _OURS = ".haptic-cosim-work-"  # how the names of our temporary folders begin
 _LOCK = ".in-use"
@@ -55,10 +55,10 @@ def _locked_folder(place: Path) -> tuple[Path, IO[bytes]]:
 
 def held(file: IO[bytes]) -> bool:
     """Whether this process holds the lock of an open file now; the system frees it when the process ends."""
-    if flock is None:
+    if fcntl is None:
         return True
     try:
-        flock(file.fileno(), LOCK_EX | LOCK_NB)
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return False
     return True
@@ -73,7 +73,7 @@ def abandoned(file: Path) -> Iterator[bool]:
         yield False
         return
     with stream:
-        yield flock is not None and os.fstat(stream.fileno()).st_uid == os.getuid() and held(stream)
+        yield fcntl is not None and os.fstat(stream.fileno()).st_uid == os.getuid() and held(stream)
 
 
 def _clear(place: Path) -> None:

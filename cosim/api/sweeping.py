@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -49,10 +48,12 @@ def sweep(
     Raises InputError where the sweep or its scenario is wrong, or `folder` holds another sweep.
     """
     found = described(spec, set or {}, effects, evaluator)
+    from build_fmus.scratch import workspace
+
     if folder is not None:
         return _carried_out(found, Path(folder), workers, dask, progress)
-    with tempfile.TemporaryDirectory(prefix="cosim-sweep-") as name:
-        return _carried_out(found, Path(name), workers, dask, progress)
+    with workspace() as kept:
+        return _carried_out(found, kept, workers, dask, progress)
 
 
 def described(

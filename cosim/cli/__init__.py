@@ -154,6 +154,7 @@ def _interrupted() -> NoReturn:
 
 def _leave(error: Exception, code: int) -> NoReturn:
     """One message on stderr, then out: the words of our own errors, the kind of the others."""
+    from build_fmus.errors import BuildError
     from cosim.errors import InputError, RunError
 
     if isinstance(error, InputError):
@@ -162,7 +163,7 @@ def _leave(error: Exception, code: int) -> NoReturn:
         print("\n".join(f"  {problem}" for problem in error.problems), file=sys.stderr)
     elif isinstance(error, ModuleNotFoundError):
         print(f"error: this command needs {error.name}, which is not installed", file=sys.stderr)
-    elif isinstance(error, (RunError, OSError)):
+    elif isinstance(error, (RunError, BuildError, OSError)):
         print(f"error: {error}", file=sys.stderr)
     elif isinstance(error, MemoryError):
         print(f"error: not enough memory{f': {error}' if str(error) else ''}; take less data", file=sys.stderr)

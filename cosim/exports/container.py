@@ -10,7 +10,6 @@ direct feedthrough reacts to an input that was set just before. The connections 
 outputs are read first, and the container does what the Jacobi algorithm with held inputs does.
 """
 
-import tempfile
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -31,13 +30,14 @@ def write_container(wiring: Wiring, path: Path, fmi: int = 2, enumerations: bool
     from fmpy.container_fmu.cli import create_container_fmu
 
     from build_fmus.archive import zip_bytes
+    from build_fmus.scratch import workspace
 
     fmus = component_fmus(wiring, fmi=fmi, enumerations=enumerations)
-    with tempfile.TemporaryDirectory(prefix="cosim-container-") as folder:
-        named = _named(fmus, Path(folder) / "fmus")
-        unpacked = Path(folder) / "container"
+    with workspace() as folder:
+        named = _named(fmus, folder / "fmus")
+        unpacked = folder / "container"
         unpacked.mkdir()
-        create_container_fmu(_configuration(wiring, named, fmi), unpacked, Path(folder) / "container.fmu")
+        create_container_fmu(_configuration(wiring, named, fmi), unpacked, folder / "container.fmu")
         files = {
             p.relative_to(unpacked).as_posix(): p.read_bytes()
             for p in unpacked.rglob("*")

@@ -24,7 +24,10 @@ def table_of(path: Path, allow_outside: bool = False) -> dict:
     from build_fmus.cache import cache_folder
     from cosim.scenario.ssp import read_ssp
 
-    return read_ssp(path, cache_folder() / "ssp", allow_outside)
+    try:
+        return read_ssp(path, cache_folder() / "ssp", allow_outside)
+    except ValueError as error:
+        raise InputError(Problem(str(path), "numbers where the standard wants them", str(error))) from None
 
 
 def read_toml(path: Path) -> dict:

@@ -95,8 +95,9 @@ class DaskPool(Workers):
         """Whether the scheduler answers and has workers."""
         if self.client.status != "running":
             return False
+        scheduler: Any = self.client.scheduler
         try:
-            known: Any = self.client.sync(self.client.scheduler.ncores, callback_timeout=_LOOK)
+            known: Any = self.client.sync(scheduler.ncores, callback_timeout=_LOOK)
         except Exception:  # noqa: BLE001 - whatever a broken connection raises
             return False
         return bool(known)

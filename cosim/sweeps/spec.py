@@ -262,6 +262,8 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     ]
     if table.get("format", FORMAT) != FORMAT:
         problems.append(Problem(f"{path.name}: format", str(FORMAT), repr(table["format"])))
+    if _has_nul(table):
+        problems.append(Problem(path.name, "text without the sign U+0000", "one"))
     given = [name for name in _DESIGNS if name in table]
     if len(given) != 1:
         problems.append(Problem(path.name, f"one of [{'], ['.join(_DESIGNS)}]", " and ".join(given) or "none"))
@@ -293,6 +295,13 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
         raise InputError(problems)
     body["curves"] = tuple(body.get("curves", ()))
     return Sweep(name=str(body.pop("name", path.stem)), axes=tuple(axes), design=design, folder=path.parent, **body)
+
+
+def _has_nul(value: object) -> bool:
+    """Whether a text in a TOML value holds the one sign that no file of results can hold."""
+    if isinstance(value, dict):
+        return any(_has_nul(key) or _has_nul(entry) for key, entry in value.items())
+    return any(map(_has_nul, value)) if isinstance(value, list) else isinstance(value, str) and "\0" in value
 
 
 def _structured(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
@@ -335,8 +344,8 @@ def _axis_problems(axes: list[Axis], where: str) -> list[Problem]:
             problems.append(Problem(place, "low < high", f"{axis.low} and {axis.high}"))
         if axis.scale is Scale.LOG and axis.low <= 0.0:
             problems.append(Problem(f"{place}.low", "a positive number on a log scale", str(axis.low)))
-        if axis.count < 1:
-            problems.append(Problem(f"{place}.count", "1 or more", str(axis.count)))
+        if not 1 <= axis.count <= _MOST_POINTS:
+            problems.append(Problem(f"{place}.count", f"1 to {_MOST_POINTS}", str(axis.count)))
     return problems
 
 

@@ -15,7 +15,7 @@ from cosim.errors import InputError, Problem, RunError
 if TYPE_CHECKING:
     from cosim.api.exporting import export
     from cosim.api.loops import StabilityResult, stability
-    from cosim.api.recordings import ClosureResult, IdentificationResult, close_loop, identify, read
+    from cosim.api.recordings import ClosureResult, DataSurvey, IdentificationResult, close_loop, data, identify, read
     from cosim.api.robots import RobotResult, robot
     from cosim.api.runs import RunResult, load, open_result, run
     from cosim.api.sweeping import SweepTable, sweep
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ClosureResult",
+    "DataSurvey",
     "IdentificationResult",
     "InputError",
     "Outcome",
@@ -37,6 +38,7 @@ __all__ = [
     "StabilityResult",
     "SweepTable",
     "close_loop",
+    "data",
     "export",
     "identify",
     "load",
@@ -51,7 +53,15 @@ __all__ = [
 _HOMES = {
     "cosim.api.exporting": ("export",),
     "cosim.api.loops": ("StabilityResult", "stability"),
-    "cosim.api.recordings": ("ClosureResult", "IdentificationResult", "close_loop", "identify", "read"),
+    "cosim.api.recordings": (
+        "ClosureResult",
+        "DataSurvey",
+        "IdentificationResult",
+        "close_loop",
+        "data",
+        "identify",
+        "read",
+    ),
     "cosim.api.robots": ("RobotResult", "robot"),
     "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
     "cosim.api.sweeping": ("SweepTable", "sweep"),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cosim.api.exporting import export
     from cosim.api.inspecting import inspect
     from cosim.api.loops import StabilityResult, stability
-    from cosim.api.recordings import ClosureResult, IdentificationResult, close_loop, identify, read
+    from cosim.api.recordings import ClosureResult, DataSurvey, IdentificationResult, close_loop, data, identify, read
     from cosim.api.robots import RobotResult, robot
     from cosim.api.runs import RunResult, load, open_result, run
     from cosim.api.sweeping import SweepTable, sweep
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ClosureResult",
+    "DataSurvey",
     "IdentificationResult",
     "InputError",
     "Outcome",
@@ -38,6 +39,7 @@ __all__ = [
     "StabilityResult",
     "SweepTable",
     "close_loop",
+    "data",
     "export",
     "identify",
     "inspect",
@@ -54,7 +56,15 @@ _HOMES = {
     "cosim.api.exporting": ("export",),
     "cosim.api.inspecting": ("inspect",),
     "cosim.api.loops": ("StabilityResult", "stability"),
-    "cosim.api.recordings": ("ClosureResult", "IdentificationResult", "close_loop", "identify", "read"),
+    "cosim.api.recordings": (
+        "ClosureResult",
+        "DataSurvey",
+        "IdentificationResult",
+        "close_loop",
+        "data",
+        "identify",
+        "read",
+    ),
     "cosim.api.robots": ("RobotResult", "robot"),
     "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
     "cosim.api.sweeping": ("SweepTable", "sweep"),

@@ -21,6 +21,7 @@ from cosim.identification.idim import Idim, idim
 from cosim.identification.method import adjusted, suggested
 from cosim.measured import Recording
 from cosim.measured import read as read_files
+from cosim.measured.survey import Survey, survey
 from cosim.results.saving import save_files, write_json
 
 if TYPE_CHECKING:
@@ -37,6 +38,57 @@ def read(files: str | Path | Iterable[str | Path], description: str | Path | Non
     Raises InputError with what is wrong where.
     """
     return read_files(_paths(files), (), description)
+
+
+def data(files: str | Path | Iterable[str | Path], description: str | Path | None = None) -> DataSurvey:
+    """What recordings hold and what is doubtful: columns, guessed units and why, runs, rates, ranges.
+
+    Raises InputError where a file cannot be read at all; a recording that its description does not fit is a result.
+    """
+    return DataSurvey(survey(_paths(files), None if description is None else Path(description)))
+
+
+@final
+@frozen(eq=False, repr=False)
+class DataSurvey:
+    """What files hold, and a description of them that `identify` takes."""
+
+    found: Survey
+
+    @property
+    def recording(self) -> Recording | None:
+        """The recording, None where it cannot be read as described."""
+        return self.found.recording
+
+    @property
+    def description(self) -> str:
+        """The text of a description file; empty where one was given or lies beside the data."""
+        return self.found.draft
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of data.json."""
+        return self.found.to_dict()
+
+    def save(self, folder: str | Path) -> Path:
+        """Write data.json, and description.toml where none is there yet; returns the folder."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(self.to_dict(), folder / "data.json", indent=1)
+        path = folder / "description.toml"
+        if self.description and not path.exists():
+            path.write_text(self.description, encoding="utf-8")
+        return folder
+
+    def __str__(self) -> str:
+        """What `cosim data` prints."""
+        return "\n".join(self.found.lines())
+
+    def __repr__(self) -> str:
+        return f"<DataSurvey {', '.join(self.found.files)}: {len(self.found.columns)} columns>"
+
+    def _repr_html_(self) -> str:
+        rows = {c.name: f"{c.role or '-'} {c.unit} {c.why}" for c in self.found.columns}
+        return card("\n".join(self.found.lines()[-3:]), rows)
 
 
 def _paths(files: str | Path | Iterable[str | Path]) -> list[Path]:

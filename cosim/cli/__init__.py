@@ -27,6 +27,7 @@ COMMANDS = {
     "run": "one co-simulation: summary.json, result.h5, report.html",
     "stability": "criteria, spectrum and simulation side by side",
     "sweep": "a batch stability sweep; the same folder again: resumes",
+    "data": "what a recording holds, what is doubtful, and a description of it",
     "identify": "Taati's identification from measured data",
     "close-loop": "residual, missing effect, effect added, error before and after",
     "arm": "the arm itself: workspace, dissect, counterbalance",

@@ -20,6 +20,7 @@ from cosim.closure.score.floor import floor
 from cosim.closure.score.selection import Rule, Selection, polished, select
 from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
+from cosim.errors import InputError, Problem
 from cosim.measured import Label, Recording
 from cosim.measured.rates import at_one_rate
 
@@ -68,7 +69,7 @@ def close_loop(recording: Recording, options: Options = Options()) -> Closure:
     """Find the effects that the complete model lacks, add them, compare held-out errors before and after."""
     progress = options.progress
     progress("smoothing and differentiating")
-    recording = at_one_rate(recording)
+    recording = at_one_rate(_unloaded(recording))
     motion = prepare(recording)
     rows = thinned(motion)
     refusals = motion_refusals(motion, rows)
@@ -85,6 +86,14 @@ def close_loop(recording: Recording, options: Options = Options()) -> Closure:
     selection = select(before, options.effects, options.rule, progress)
     verdict = judge(selection, options.effects, options.rule, progress)
     return _completed(recording, before, selection, verdict, options)
+
+
+def _unloaded(recording: Recording) -> Recording:
+    """The recording, where nothing was mounted that only the linear model of an identification knows."""
+    if any(run.load is not None for run in recording.runs) or recording.description.back_emf:
+        advice = "identify takes them; for close-loop leave them out of the description"
+        raise InputError(Problem("[mounted], [motor]", "a bare joint", "known loads or a back-EMF", advice))
+    return recording
 
 
 def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | None = None) -> Closure:

@@ -41,6 +41,7 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
                 "rms_percent": {"train": paper.rms_train, "held_out": paper.rms_held_out},
             },
             "idim_ls": _idim(idim),
+            "doubts": [doubt.to_dict() for doubt in found.recording.doubts],
             "warnings": list(found.warnings),
             "versions": {"cosim": version("haptic-cosim")},
         }

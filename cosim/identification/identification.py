@@ -13,6 +13,7 @@ from cosim.identification.stack import Stack, coulomb_label, everything, stack, 
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording
 
+LONGER = 0.7  # cutoff of a filter that leaves a sixth of the noise's variance in the acceleration
 STILL = 30.0  # encoder counts: a joint that moves less is taken as still
 
 
@@ -70,7 +71,8 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
     method = method or suggested(recording)
     full = _with_plausible_tail(stack(recording, method), method, recording)
     _enough(full, recording)
-    shown, _, fitted, widths = _fit(full, method, recording)
+    shown, base, fitted, widths = _fit(full, method, recording)
+    widths = _widened(widths, base, fitted, method, recording)
     params = _spread_out(fitted.params, shown.base, full.y.shape[2])
     definite, doubts = _physics(_model(recording), full.labels, params)
     found = Identification(
@@ -95,6 +97,23 @@ def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiabi
     base = with_columns(full, shown.base)
     fitted = estimate(base, method, _model(recording))
     return shown, base, fitted, spread(base, fitted)
+
+
+def _widened(widths: Spread, base: Stack, fitted: ParameterEstimate, method: Method, recording: Recording) -> Spread:
+    """Intervals of a recording with clipped torques, wider by what a longer common filter changes.
+
+    The rows that are left are the slow ones. There the encoder's noise in the acceleration, whose variance falls with
+    the fifth power of the filter's length, makes inertias too small by more than the spread shows.
+    """
+    cutoff = getattr(method.low_pass, "cutoff", None)
+    if cutoff is None or all(run.clipped is None for run in recording.runs):
+        return widths
+    longer = stack(recording, evolve(method, low_pass=evolve(method.low_pass, cutoff=LONGER * cutoff)))
+    columns = [longer.labels.index(label) for label in base.labels]
+    if longer.fit.sum() < 3 * len(columns):
+        return widths
+    other = estimate(with_columns(longer, columns), method, _model(recording))
+    return evolve(widths, half_width=widths.half_width + np.abs(other.params - fitted.params))
 
 
 def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> Stack:

@@ -13,7 +13,7 @@ from attrs import frozen
 
 from cosim.arm.parameters import parameter_set
 from cosim.arm.workspace import LINKED, definiteness
-from cosim.identification.regressor import RegressorColumns, axis, given, phantom
+from cosim.identification.regressor import Actuator, RegressorColumns, axis, given, in_unit, phantom
 from cosim.measured.description import RecordingDescription
 from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice
 from cosim.measured.filtering import FilteredMotion, LowPass
@@ -101,9 +101,10 @@ class PhantomModel(LinearModel):
         | {"viscous": 1e-3, "coulomb": 0.01, "slow": 0.01}
     )
     device: PhantomDevice
+    unit: str = "N.m"
 
     def columns(self, motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
-        return phantom(motion, low_pass, velocity)
+        return in_unit(phantom(motion, low_pass, velocity), self.unit)
 
     def limits(self, labels: Sequence[Label]) -> PhysicalLimits:
         """Also M > 0: M11 on a grid of the workspace, and p5 p6 >= (p4/2 s)^2 for the block of joints 2 and 3."""
@@ -152,10 +153,10 @@ class AxisModel(LinearModel):
     """One joint with inertia, friction, offset and, for a pendulum, gravity."""
 
     device: AxisDevice
-    prismatic: bool
+    actuator: Actuator
 
     def columns(self, motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
-        return axis(motion, low_pass, self.device.pendulum, self.prismatic, velocity)
+        return axis(motion, low_pass, self.device.pendulum, self.actuator, velocity)
 
 
 @final
@@ -165,9 +166,10 @@ class GivenModel(LinearModel):
 
     device: RegressorDevice
     names: tuple[str, ...]
+    unit: str = "N.m"
 
     def columns(self, motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
-        return given(motion, low_pass, self.names, velocity)
+        return given(motion, low_pass, self.names, velocity, self.unit)
 
 
 @singledispatch
@@ -178,17 +180,20 @@ def linear_model(device: Device, description: RecordingDescription) -> LinearMod
 
 @linear_model.register
 def _(device: PhantomDevice, description: RecordingDescription) -> LinearModel:
-    return PhantomModel(device)
+    return PhantomModel(device, description.torque_unit)
 
 
 @linear_model.register
 def _(device: AxisDevice, description: RecordingDescription) -> LinearModel:
-    return AxisModel(device, description.prismatic)
+    unit = description.torque_unit
+    back_emf = description.back_emf * description.scale.get("tau", (1.0,))[0]
+    return AxisModel(device, Actuator(unit, back_emf, unit == description.si["tau"]))
 
 
 @linear_model.register
 def _(device: RegressorDevice, description: RecordingDescription) -> LinearModel:
-    return GivenModel(device, description.columns.regressor)
+    unit = description.torque_unit if description.torque_unit != "N" else "N.m"
+    return GivenModel(device, description.columns.regressor, unit)
 
 
 def _yaw_inertia_on_grid(count: int) -> np.ndarray:

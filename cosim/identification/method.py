@@ -128,15 +128,14 @@ def suggested(recording: Recording) -> Method:
     """The default: cutoffs from the band of the motion, rows near reversals left out, joints weighted.
 
     The common low-pass lies at twelve times the motion's band, the one before differentiation at six times that. Where
-    torques were clipped, both together reach to either side at most half of the usual stretch between, so that the
-    longer half of the stretches keep rows. A shorter reach would keep more and let the encoder's noise into the
-    acceleration, which makes inertias too small (errors in variables).
+    torques were clipped, the slow rows are left, in which the encoder's noise in the acceleration weighs more (errors
+    in variables: inertias too small): the common low-pass then lies at six times the band, but reaches to either side
+    at most half of the usual stretch between, so that the longer half of the stretches keep rows.
     """
     rate = 1 / max(run.step for run in recording.runs)
-    low = float(np.clip(12 * bandwidth(recording), 2.0, 0.1 * rate))
-    free = _between_clipped(recording)
-    if free:
-        low = float(np.clip(2 * REACH / free, low, 0.1 * rate))
+    band, free = bandwidth(recording), _between_clipped(recording)
+    wanted = max(6 * band, 2 * REACH / free) if free else 12 * band
+    low = float(np.clip(wanted, 2.0, 0.1 * rate))
     law = LeaveOut(smoothing=recording.description.coulomb_velocity)
     return Method("default", Window(min(6 * low, 0.2 * rate)), Window(low), law)
 

@@ -7,9 +7,10 @@ acceleration is formed. residual = measured - predicted.
 """
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.arm import dynamics
+from cosim.measured.device import G
 from cosim.measured.filtering import FilteredMotion, LowPass
 from cosim.measured.label import Label
 
@@ -80,22 +81,75 @@ def phantom(motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) ->
     )
 
 
+@frozen
+class Actuator:
+    """How tau of an axis is given: its unit, the back-EMF [V s/rad] in it, and whether it is a torque in N.m or N."""
+
+    unit: str = "N.m"
+    back_emf: float = 0.0
+    known: bool = True
+
+
 def axis(
-    motion: FilteredMotion, low_pass: LowPass, gravity: bool, prismatic: bool, velocity: float = 0.0
+    motion: FilteredMotion, low_pass: LowPass, gravity: bool, actuator: Actuator = Actuator(), velocity: float = 0.0
 ) -> RegressorColumns:
-    """One joint: inertia ddq + viscous dq + coulomb sgn(dq) + offset (+ gravity_sin sin q + gravity_cos cos q)."""
+    """One joint: inertia ddq + viscous dq + coulomb sgn(dq) + offset (+ gravity_sin sin q + gravity_cos cos q).
+
+    What was mounted is known torque, (m l^2 + I) ddq + m l g sin(q - angle), gravity where it belongs to the model. It
+    is taken from a torque, and is a column `load` beside a current or a voltage, whose coefficient is the inverse of
+    the torque constant. A back-EMF is taken from a voltage: U - ke dq.
+    """
     q, dq, step = motion.q, motion.dq, motion.step
     plain = [dq, dynamics.direction(dq, velocity), np.ones_like(dq)]
     plain += [np.sin(q), np.cos(q)] if gravity else []
-    y = np.concatenate([low_pass.rate(dq, step), *(low_pass.low(column, step) for column in plain)], axis=1)[:, None, :]
-    names = ("inertia", "viscous", "coulomb", "offset", *(("gravity_sin", "gravity_cos") if gravity else ()))
-    labels = tuple(map(Label, names))
-    turning = ("kg.m2", "N.m.s/rad", "N.m", "N.m", "N.m", "N.m")
-    units = ("kg", "N.s/m", "N", "N") if prismatic else turning[: len(labels)]
-    return RegressorColumns(y, low_pass.low(motion.tau, step), labels, units[: len(labels)])
+    acceleration, speed, *rest = (low_pass.rate(dq, step), *(low_pass.low(column, step) for column in plain))
+    columns = [acceleration, speed, *rest]
+    names = ["inertia", "viscous", "coulomb", "offset", *(("gravity_sin", "gravity_cos") if gravity else ())]
+    units = [_of_unit(unit, actuator.unit) for unit in ("s2", "s", "", "", "", "")[: len(names)]]
+    tau = low_pass.low(motion.tau, step)
+    if actuator.back_emf:
+        tau = tau - actuator.back_emf * speed
+    if motion.run.load is not None and actuator.known:
+        tau = tau - _load(motion, low_pass, gravity)
+    elif motion.run.load is not None:
+        columns, names = [*columns, _load(motion, low_pass, gravity)], [*names, "load"]
+        units.append(f"{actuator.unit}/(N.m)")
+    y = np.concatenate(columns, axis=1)[:, None, :]
+    return RegressorColumns(y, tau, tuple(map(Label, names)), tuple(units))
 
 
-def given(motion: FilteredMotion, low_pass: LowPass, names: tuple[str, ...], velocity: float = 0.0) -> RegressorColumns:
+def _load(motion: FilteredMotion, low_pass: LowPass, gravity: bool) -> np.ndarray:
+    """Filtered torque (n, 1) of what was mounted; its inertia is constant within a run."""
+    assert motion.run.load is not None, "the caller has seen that something is mounted"
+    inertia, cosine, sine = (column[:, None] for column in motion.run.load.T)
+    torque = low_pass.rate(inertia * motion.dq, motion.step)
+    if gravity:
+        torque = torque + low_pass.low(G * (cosine * np.sin(motion.q) - sine * np.cos(motion.q)), motion.step)
+    return torque
+
+
+SI_UNITS = {
+    "N.m": {"s2": "kg.m2", "s": "N.m.s/rad", "": "N.m"},
+    "N": {"s2": "kg", "s": "N.s/m", "": "N"},
+}
+
+
+def _of_unit(rate: str, unit: str) -> str:
+    """Unit of a coefficient of q differentiated: `rate` is s2 for ddq, s for dq, empty for q itself."""
+    if unit in SI_UNITS:
+        return SI_UNITS[unit][rate]
+    return f"{unit}.{rate}/rad" if rate else unit
+
+
+def in_unit(columns: RegressorColumns, unit: str) -> RegressorColumns:
+    """Columns of torques in N.m as those of torques in another unit: their parameters carry it."""
+    rates = {text: rate for rate, text in SI_UNITS["N.m"].items()}
+    return evolve(columns, units=tuple(_of_unit(rates[text], unit) for text in columns.units))
+
+
+def given(
+    motion: FilteredMotion, low_pass: LowPass, names: tuple[str, ...], velocity: float = 0.0, unit: str = "N.m"
+) -> RegressorColumns:
     """Given inertial and gravity columns of one joint beside viscous, Coulomb friction and offset.
 
     A given rigid torque is one column `rigid` where there are no regressor columns, and left out where there are.
@@ -106,7 +160,7 @@ def given(motion: FilteredMotion, low_pass: LowPass, names: tuple[str, ...], vel
         assert run.rigid is not None, "a description of the device names the regressor columns or a rigid torque"
         rigid, names = run.rigid[:, None], ("rigid",)
     y = np.concatenate([rigid, dq, dynamics.direction(dq, velocity), np.ones_like(dq)], axis=1)
-    units = ("",) * len(names) + ("N.m.s/rad", "N.m", "N.m")
+    units = ("",) * len(names) + tuple(_of_unit(rate, unit) for rate in ("s", "", ""))
     return RegressorColumns(
         low_pass.low(y, step)[:, None, :],
         low_pass.low(motion.tau, step),

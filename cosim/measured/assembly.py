@@ -1,5 +1,6 @@
 """Files to a Recording: descriptions found, units applied, runs separated, repairs made, held-out rows marked."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -60,10 +61,22 @@ def read(
     for table, _ in tables:
         for text in table.warnings:
             notes(text)
+    _torque_told(chosen, notes)
     runs = _held_out(_runs(tables, chosen, notes), bool(held), notes)
     recording = Recording(chosen, tuple(runs), files=tuple(str(path) for path in (*fit, *held)))
     doubts.check(recording, notes)
     return evolve(recording, warnings=tuple(notes.warnings), doubts=tuple(notes.doubts))
+
+
+def _torque_told(description: RecordingDescription, note: Notes) -> None:
+    """Say what parameters carry where the factor from tau to a torque is not known."""
+    unit = description.torque_unit
+    if unit == description.si["tau"]:
+        return
+    text = f"tau is in {unit} and no [scale] tau says how much torque that is: parameters carry {unit} for N.m"
+    if unit in ("V", "duty") and not description.back_emf:
+        text += "; viscous friction holds the back-EMF of the motor ([motor] back_emf takes it out)"
+    note(text, "unknown torque constant")
 
 
 def _same_file_twice(fit: Sequence[Path], held: Sequence[Path]) -> None:
@@ -159,14 +172,15 @@ def _repaired(
     torques = tuple(k for k, (role, _, _) in enumerate(layout) if role == "tau")
     factors = tuple(factor for _, _, factor in layout)
     angles = not description.prismatic
-    computed = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("regressor", "rigid"))
+    computed = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("regressor", "rigid", "mass", "length"))
     spans = tuple(_span(columns[name]) * abs(factor) for _, name, factor in layout)
     stretch = Stretch(
         part.name, time, signals, names, test, positions, angles, torques, computed, factors, spans, part.rows
     )
     held_torque = torques if description.torque_held else ()
     whole = True if held else (None if part.test is not None else False)
-    return [(_run(recentred(piece, held_torque, note), layout), whole) for piece in repair(stretch, note)]
+    pieces = [recentred(piece, held_torque, note) for piece in repair(stretch, note)]
+    return [(_with_load(_run(piece, layout, description), piece, layout, description), whole) for piece in pieces]
 
 
 def _span(values: np.ndarray) -> float:
@@ -179,7 +193,8 @@ def _layout(description: RecordingDescription) -> list[tuple[str, str, float]]:
     """(role, column, factor to SI) of every signal except time."""
     names = description.columns
     layout = [(role, name, description.factor(role, k)) for role in LISTS for k, name in enumerate(names.of_role(role))]
-    layout += [("rigid", names.rigid, description.factor("rigid", 0))] if names.rigid else []
+    single = (("rigid", names.rigid), ("supply", names.supply), ("mass", names.mass), ("length", names.length))
+    layout += [(role, name, description.factor(role, 0)) for role, name in single if name]
     return layout + [("other", name, _other_factor(unit)) for name, unit in names.other.items()]
 
 
@@ -187,13 +202,33 @@ def _other_factor(unit: str) -> float:
     return units.FACTORS.get(units.spelled(unit), ("", 1.0))[1]
 
 
-def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]]) -> Run:
+def _with_load(
+    run: Run, stretch: Stretch, layout: Sequence[tuple[str, str, float]], description: RecordingDescription
+) -> Run:
+    """The run with what was mounted on it, by its columns or by the keys of the description for a run of its name."""
+    label = re.sub(r"(#\d+)?(/\d+)?$", "", run.name)
+    names = (run.name, label, label.rsplit(":", 1)[-1])
+    mounted = next(
+        (description.mounted_in[name] for name in names if name in description.mounted_in), description.mounted
+    )
+    given = {role: stretch.signals[:, k] for k, (role, _, _) in enumerate(layout) if role in ("mass", "length")}
+    mass = given.get("mass", np.full(len(run), mounted.mass))
+    length = given.get("length", np.full(len(run), mounted.length))
+    if not description.loaded:
+        return run
+    return evolve(run, load=mounted.load(mass, length))
+
+
+def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]], description: RecordingDescription) -> Run:
     def block(role: str) -> np.ndarray | None:
         columns = [k for k, (r, _, _) in enumerate(layout) if r == role]
         return np.ascontiguousarray(stretch.signals[:, columns]) if columns else None
 
     q, tau, rigid = block("q"), block("tau"), block("rigid")
     assert q is not None and tau is not None, "every description names the columns of q and tau"
+    supply = block("supply")
+    if supply is not None or description.supply:  # a duty cycle times its supply is the voltage of the motor
+        tau = tau * (description.supply if supply is None else supply)
     other = {name: stretch.signals[:, k].copy() for k, (role, name, _) in enumerate(layout) if role == "other"}
     torques = [k for k, (role, _, _) in enumerate(layout) if role == "tau"]
     return Run(

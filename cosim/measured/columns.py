@@ -9,7 +9,7 @@ from attrs import field, frozen
 from cosim.errors import Problem
 from cosim.measured.fields import unknown_names
 
-SINGLE = ("time", "run", "split", "rigid")
+SINGLE = ("time", "run", "split", "rigid", "supply", "mass", "length")
 LISTS = ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
 ROLES = (*SINGLE, *LISTS, "other")
 Value = TypeVar("Value")
@@ -35,6 +35,9 @@ class ColumnNames:
     rigid: str = ""
     run: str = ""
     split: str = ""
+    supply: str = ""
+    mass: str = ""
+    length: str = ""
     other: Mapping[str, str] = field(factory=dict, converter=frozen_map)  # name -> unit
 
     def of_role(self, role: str) -> tuple[str, ...]:
@@ -44,7 +47,8 @@ class ColumnNames:
     def numeric(self) -> tuple[str, ...]:
         """Every column that must hold numbers."""
         names = [name for role in LISTS for name in self.of_role(role)]
-        return (self.time, *names, *self.other, *((self.rigid,) if self.rigid else ()))
+        single = [name for name in (self.rigid, self.supply, self.mass, self.length) if name]
+        return (self.time, *names, *self.other, *single)
 
     def labels(self) -> tuple[str, ...]:
         """The columns that hold labels: run and split."""
@@ -71,6 +75,9 @@ def read_columns(table: object, source: str, problems: list[Problem]) -> ColumnN
         run=single.get("run", ""),
         split=single.get("split", ""),
         rigid=single.get("rigid", ""),
+        supply=single.get("supply", ""),
+        mass=single.get("mass", ""),
+        length=single.get("length", ""),
         q=lists.get("q", plain.q),
         tau=lists.get("tau", plain.tau),
         dq=lists.get("dq", ()),

@@ -10,8 +10,9 @@ from attrs import field, frozen
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.measured import units
 from cosim.measured.columns import LISTS, ROLES, ColumnNames, frozen_map, read_columns
-from cosim.measured.device import DEVICES, Device, PhantomDevice
+from cosim.measured.device import DEVICES, AxisDevice, Device, PhantomDevice
 from cosim.measured.fields import FieldReader, is_number, unknown_names
+from cosim.measured.mounted import Mounted, read_motor, read_mounted
 
 KEYS = (
     "device",
@@ -25,6 +26,8 @@ KEYS = (
     "columns",
     "units",
     "scale",
+    "motor",
+    "mounted",
 )
 Value = TypeVar("Value")
 
@@ -39,6 +42,10 @@ class RecordingDescription:
     scale: Mapping[str, tuple[float, ...]] = field(factory=dict, converter=frozen_map)  # role -> factor per column
     torque_held: bool = False  # tau is a command that is held from its stamp to the next
     coulomb_velocity: float = 0.0  # speed over which the sign of dq is known to be smooth; 0: not known
+    back_emf: float = 0.0  # V s/rad, of a torque that is given as a voltage or a duty cycle
+    supply: float = 0.0  # V, of a duty cycle; 0: not known, or in a column
+    mounted: Mounted = field(factory=Mounted)  # in all runs
+    mounted_in: Mapping[str, Mounted] = field(factory=dict, converter=frozen_map)  # run -> what was on it
     source: str = ""
 
     @property
@@ -57,10 +64,25 @@ class RecordingDescription:
         """SI unit of each role after reading."""
         return units.LENGTH if self.prismatic else units.ANGLE
 
+    @property
+    def loaded(self) -> bool:
+        """Whether it says what was mounted, in some run at least."""
+        return bool(self.mounted.any or self.mounted_in or self.columns.mass)
+
+    @property
+    def torque_unit(self) -> str:
+        """The unit of tau after reading: that of `si`, or A, V, duty or counts where no factor to it is known."""
+        unit = self.units.get("tau", ("",))[0]
+        if unit not in units.ELECTRICAL or "tau" in self.scale:
+            return self.si["tau"]
+        known = units.ELECTRICAL[unit][0]
+        return "V" if known == "duty" and (self.columns.supply or self.supply) else known
+
     def factor(self, role: str, column: int) -> float:
         """Factor from the file's number to SI: unit times scale."""
         unit = _of(self.units.get(role, ()), column, "")
-        return units.FACTORS.get(unit, ("", 1.0))[1] * _of(self.scale.get(role, ()), column, 1.0)
+        electrical = units.ELECTRICAL.get(unit, ("", 1.0)) if role == "tau" and role not in self.scale else ("", 1.0)
+        return units.FACTORS.get(unit, electrical)[1] * _of(self.scale.get(role, ()), column, 1.0)
 
 
 def _of(values: tuple[Value, ...], column: int, default: Value) -> Value:
@@ -87,6 +109,8 @@ def parse_description(table: Mapping[str, Any], source: str) -> RecordingDescrip
     word = fields.choice("device", tuple(kind.word for kind in DEVICES), PhantomDevice.word)
     devices = {kind.word: kind.read(fields) for kind in DEVICES}  # keys of other devices are checked as well
     columns = read_columns(table.get("columns"), source, problems)
+    motor = read_motor(table.get("motor", {}), source, problems)
+    mounted, mounted_in = read_mounted(table.get("mounted", {}), source, problems)
     result = RecordingDescription(
         device=devices[word],
         columns=columns,
@@ -94,12 +118,34 @@ def parse_description(table: Mapping[str, Any], source: str) -> RecordingDescrip
         scale=_scales(table, columns, source, problems),
         torque_held=fields.boolean("torque_held"),
         coulomb_velocity=fields.speed("coulomb_velocity"),
+        back_emf=motor.get("back_emf", 0.0),
+        supply=motor.get("supply", 0.0),
+        mounted=mounted,
+        mounted_in=mounted_in,
         source=source,
     )
-    problems += result.device.problems(columns, fields) + _unit_problems(result)
+    problems += result.device.problems(columns, fields) + _unit_problems(result) + _mixed(result) + _loaded(result)
     if problems:
         raise InputError(problems)
     return result
+
+
+def _mixed(description: RecordingDescription) -> list[Problem]:
+    """Joints whose torques are in units that cannot stand beside each other in one model."""
+    given = set(description.units.get("tau", ()))
+    electrical = {units.ELECTRICAL[unit][0] for unit in given if unit in units.ELECTRICAL}
+    if "tau" in description.scale or not electrical or (len(electrical) == 1 and not given - set(units.ELECTRICAL)):
+        return []
+    where = f"{description.source}: [units].tau"
+    return [Problem(where, "one unit for all joints, or a [scale].tau", ", ".join(sorted(given)))]
+
+
+def _loaded(description: RecordingDescription) -> list[Problem]:
+    """What is mounted enters the model of an axis alone."""
+    if not description.loaded or isinstance(description.device, AxisDevice):
+        return []
+    got = f"device {description.device.word!r}"
+    return [Problem(f"{description.source}: [mounted]", f"device {AxisDevice.word!r}, where it enters the model", got)]
 
 
 def _units(
@@ -157,7 +203,7 @@ def _unit_problems(description: RecordingDescription) -> list[Problem]:
         where = f"{description.source}: [units].{role}"
         for unit in names:
             if unit in units.NEED_SCALE:
-                if role not in description.scale:
+                if role not in description.scale and role != "tau":
                     problems.append(
                         Problem(where, "a unit with a factor", f"{unit!r}", f"give [scale].{role}, SI per {unit}")
                     )

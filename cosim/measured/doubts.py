@@ -73,7 +73,10 @@ def _stuck_in_some(recording: Recording) -> list[str]:
 def _too_large(recording: Recording) -> list[Problem]:
     """Signals that exceed what the device can do: their unit is another one."""
     problems = []
+    description = recording.description
     for limit in recording.device.limits():
+        if limit.role == "tau" and description.torque_unit != description.si["tau"]:
+            continue
         largest = max(np.abs(_signals(run, limit.role)).max() for run in recording.runs)
         if largest > limit.largest:
             where = f"columns of {limit.role}"

@@ -16,6 +16,7 @@ APART = 3.0  # ratio of neighbouring order statistics that separates impossible 
 FAR = 10.0  # the same for values of a signal that may jump; n^-9
 SHARE = 0.1  # of the rows that may be impossible; where more are, the signal is another one
 SHORT = 5  # rows; what is at most this long is interpolated over
+FEW = 5  # times that an encoder takes a new zero in one recording; more jumps belong to another kind of signal
 COUNTS = 8.0  # smallest steps of the column: what is below is the encoder's own rounding
 NINES = tuple(sign * (10.0**k - 1) for k in range(3, 10) for sign in (1, -1))
 ENDS = tuple(float(v) for b in (15, 16, 31, 32) for v in (2**b, 2**b - 1, -(2**b), 1 - 2**b))
@@ -99,6 +100,12 @@ def _without_jumps(stretch: Stretch, column: int, jumps: list[_Jump], largest: f
     signals[:, column] = values
     signals[np.ix_(missing, stretch.torques)] = _zero_frames(signals[np.ix_(missing, stretch.torques)])
     stretch = evolve(stretch, signals=signals)
+    if len(moved) > FEW:
+        text = (
+            f"{where} jumps in {len(moved)} rows and stays ({bound}), as no position does: was it swapped with another?"
+        )
+        notes(text, "swapped", stretch.numbers(np.array([jump.after for jump in moved])))
+        return stretch
     return _longest(stretch, column, moved, where, notes) if moved else stretch
 
 

@@ -16,7 +16,8 @@ class Run:
 
     time (n,) [s]; q, tau, dq, ddq, q_ref (n, nj) [SI of the description]; force (n, 3) [N], tip, base frame;
     regressor (n, p) and rigid (n,): recorded columns and torque of the rigid body; test (n,) marks the held-out rows.
-    clipped (n, nj): torques at the end of their range, which no model can be fitted to. None: not recorded, or none.
+    clipped (n, nj): torques at the end of their range, which no model can be fitted to; load (n, 3): known
+    inertia [kg m^2] and m l cos, m l sin [kg m] of what was mounted. None: not recorded, or none.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Run:
     rigid: np.ndarray | None = None
     other: Mapping[str, np.ndarray] = field(factory=dict)
     clipped: np.ndarray | None = None
+    load: np.ndarray | None = None
 
     @property
     def step(self) -> float:

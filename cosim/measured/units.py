@@ -35,7 +35,11 @@ FACTORS: Mapping[str, tuple[str, float]] = MappingProxyType(
         "mN": ("N", 1e-3),
     }
 )
-NEED_SCALE = ("V", "mV", "A", "mA", "counts", "%")
+ELECTRICAL: Mapping[str, tuple[str, float]] = MappingProxyType(
+    {"V": ("V", 1.0), "mV": ("V", 1e-3), "A": ("A", 1.0), "mA": ("A", 1e-3)}
+    | {"duty": ("duty", 1.0), "%": ("duty", 1e-2), "counts": ("counts", 1.0)}
+)  # what a torque may be given in without a [scale]: results then carry this unit
+NEED_SCALE = tuple(ELECTRICAL)
 ANGLE = {"q": "rad", "q_ref": "rad", "dq": "rad/s", "ddq": "rad/s^2", "tau": "N.m"}
 LENGTH = {"q": "m", "q_ref": "m", "dq": "m/s", "ddq": "m/s^2", "tau": "N"}
 ALLOWED: Mapping[str, frozenset[str]] = MappingProxyType(

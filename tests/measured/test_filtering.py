@@ -93,6 +93,6 @@ def test_axis_columns_recover_an_exact_axis():
     q, dq, ddq = (part[:, :1] for part in sweep())
     tau = 2.0 * ddq + 0.7 * dq + 0.3 * np.sign(dq) + 0.1 + 1.5 * np.sin(q) - 0.4 * np.cos(q)
     run = Run("r", np.arange(len(q)) * STEP, q, tau, np.zeros(len(q), bool))
-    model = axis(FilteredMotion(run, q, dq, tau), Window(30.0), gravity=True, prismatic=False)
+    model = axis(FilteredMotion(run, q, dq, tau), Window(30.0), gravity=True)
     params = np.linalg.lstsq(model.y[50:-50, 0], model.tau[50:-50, 0], rcond=None)[0]
     assert params == pytest.approx([2.0, 0.7, 0.3, 0.1, 1.5, -0.4], abs=1e-5)

@@ -92,7 +92,7 @@ def test_description_beside_the_file_units_and_scale(tmp_path):
         ({"devise": "axis"}, "did you mean 'device'"),
         ({"device": "axes"}, "did you mean 'axis'"),
         (AXIS | {"units": {"q": "degs"}}, "or 'deg'?"),
-        (AXIS | {"units": {"tau": "V"}}, "give [scale].tau"),
+        (AXIS | {"units": {"q": "counts"}}, "give [scale].q"),
         (AXIS | {"units": {"q": "N"}}, "expected a unit of"),
         ({"device": "axis", "columns": {"time": "t", "q": ["q", "r"], "tau": ["tau"]}}, "1 column(s)"),
         ({"device": "regressor", "columns": {"time": "t", "q": ["q"], "tau": ["tau"]}}, "regressor columns or a rigid"),

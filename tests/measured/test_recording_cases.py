@@ -77,3 +77,24 @@ def test_a_table_in_utf_32_is_read(cases):
 def test_a_time_column_in_several_units_is_refused(cases):
     with pytest.raises(InputError, match="in one unit throughout"):
         cosim.read(cases / "reliability/13-internal-errors/time-scale.csv")
+
+
+DOUBTED = [
+    ("05-encoder-glitch/zero_frames.csv", "jump", "2 rows that no motion can reach"),
+    ("07-saturated-torque/sat.csv", "clipped", "tau sits at its extreme (-4, 4) in 76 % of the rows: saturated?"),
+    ("08-held-samples/stale.csv", "held samples", "10800 rows (new about every 10 rows, 50 Hz)"),
+]
+
+
+@pytest.mark.parametrize(("name", "kind", "words"), DOUBTED)
+def test_cases_that_were_read_into_false_intervals_are_doubted_and_repaired(cases, name, kind, words):
+    data = cosim.read(cases / "recordings" / name)
+    (doubt,) = [doubt for doubt in data.doubts if doubt.kind == kind]
+    assert words in doubt.text and "wraps round" not in "\n".join(data.warnings)
+    result = cosim.identify(data).to_dict()
+    found = {p["name"]: p for p in result["parameters"]}
+    assert doubt.to_dict() in result["doubts"]
+    for parameter, value in TRUTH.items():
+        low, high = found[parameter]["interval"]
+        assert low - (high - low) / 2 <= value <= high + (high - low) / 2, parameter
+    assert found["inertia"]["value"] == pytest.approx(0.8, rel=0.01)

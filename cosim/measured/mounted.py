@@ -1,0 +1,81 @@
+"""What was mounted on a joint: a known mass at a known distance, a further inertia, where it hangs straight down; and
+what is known of the motor.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import fields, frozen
+
+from cosim.errors import Problem
+from cosim.measured.fields import is_number, unknown_names
+
+
+@frozen
+class Mounted:
+    """mass [kg] at `length` [m] from the axis, inertia [kg m^2] beside mass length^2, angle [rad]: q where it hangs
+    straight down.
+    """
+
+    mass: float = 0.0
+    length: float = 0.0
+    inertia: float = 0.0
+    angle: float = 0.0
+
+    @property
+    def any(self) -> bool:
+        """Whether something is mounted."""
+        return bool(self.mass * self.length or self.inertia)
+
+    def load(self, mass: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """Inertia [kg m^2], m l cos(angle) and m l sin(angle) [kg m] of masses at lengths (n,): (n, 3)."""
+        moment = mass * length
+        inertia = moment * length + self.inertia
+        return np.stack([inertia, moment * np.cos(self.angle), moment * np.sin(self.angle)], axis=1)
+
+
+MOTOR = ("back_emf", "supply")
+NAMES = tuple(one.name for one in fields(Mounted))
+
+
+def read_mounted(table: object, source: str, problems: list[Problem]) -> tuple[Mounted, Mapping[str, Mounted]]:
+    """The [mounted] table: for all runs, and [mounted.NAME] for single ones. What is wrong is appended."""
+    where = f"{source}: [mounted]"
+    if not isinstance(table, Mapping):
+        problems.append(Problem(where, "a table", repr(table)))
+        return Mounted(), {}
+    single = {name: value for name, value in table.items() if isinstance(value, Mapping)}
+    plain = {name: value for name, value in table.items() if name not in single}
+    for name, keys in (("", plain), *single.items()):
+        unknown_names(keys, NAMES, f"{where[:-1]}.{name}]" if name else where, "key", problems)
+    every = _numbers(plain, where, problems)
+    runs = {name: Mounted(**{**every, **_numbers(keys, where, problems)}) for name, keys in single.items()}
+    return Mounted(**every), runs
+
+
+def _numbers(keys: Mapping[str, object], where: str, problems: list[Problem]) -> dict[str, float]:
+    """The known keys; a negative mass, length or inertia is a problem."""
+    found = {}
+    for name in (name for name in NAMES if name in keys):
+        value = keys[name]
+        if not is_number(value) or (name != "angle" and value < 0):
+            problems.append(Problem(f"{where}.{name}", "a number" if name == "angle" else "0 or more", repr(value)))
+        else:
+            found[name] = float(value)
+    return found
+
+
+def read_motor(table: object, source: str, problems: list[Problem]) -> Mapping[str, float]:
+    """The [motor] table: back_emf [V s/rad] and supply [V]. What is wrong is appended."""
+    where = f"{source}: [motor]"
+    if not isinstance(table, Mapping):
+        problems.append(Problem(where, "a table", repr(table)))
+        return {}
+    unknown_names(table, MOTOR, where, "key", problems)
+    found = {}
+    for name in (name for name in MOTOR if name in table):
+        if is_number(table[name]) and table[name] >= 0:
+            found[name] = float(table[name])
+        else:
+            problems.append(Problem(f"{where}.{name}", "0 or more", repr(table[name])))
+    return found

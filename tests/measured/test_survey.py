@@ -1,0 +1,63 @@
+"""`cosim data`: what a file holds, and a description of it that `identify` takes as it is."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.measured import parse_description
+from cosim.measured.template import Draft, text
+from tests.support.axis_rig import FAULTS, recorded
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """A recording without a description, in degrees and milliseconds, with words beside the numbers."""
+    path = tmp_path_factory.mktemp("survey") / "log.csv"
+    x = FAULTS["dropout"](recorded(5), 2.0)
+    rows = zip(1e3 * x.t, np.rad2deg(x.q), x.tau, strict=True)
+    path.write_text("stamp,joint_pos,effort,state\n" + "\n".join(f"{a:.6g},{b:.9g},{c:.6g},run" for a, b, c in rows))
+    return path
+
+
+def test_columns_units_and_doubts_are_told_with_reasons(table):
+    found = cosim.data(table).to_dict()
+    columns = {column["name"]: column for column in found["columns"]}
+    assert {name: c["role"] for name, c in columns.items()} == {
+        "stamp": "time",
+        "joint_pos": "q",
+        "effort": "tau",
+        "state": "",
+    }
+    assert columns["stamp"]["unit"] == "ms" and "500 Hz" in columns["stamp"]["why"]
+    assert columns["joint_pos"]["unit"] == "deg" and "turns" in columns["joint_pos"]["why"]
+    assert found["runs"][0]["rate"] == pytest.approx(500, rel=1e-6) and found["problems"] == []
+    assert "jump" in {doubt["kind"] for doubt in found["doubts"]}
+
+
+def test_the_description_is_taken_by_identify_and_never_overwritten(table, tmp_path):
+    cosim.data(table).save(tmp_path)
+    path = tmp_path / "description.toml"
+    found = cosim.identify(table, description=path)
+    assert found.parameters["inertia"] == pytest.approx(0.8, rel=0.01)
+    path.write_text("# mine\n")
+    cosim.data(table).save(tmp_path)
+    assert path.read_text() == "# mine\n" and json.loads((tmp_path / "data.json").read_text())["runs"]
+
+
+def test_a_file_that_its_guesses_do_not_fit_is_told_not_refused(tmp_path):
+    (tmp_path / "x.csv").write_text("a,b\n" + "\n".join(f"{k},{k}" for k in range(100)))
+    found = cosim.data(tmp_path / "x.csv")
+    assert found.recording is None and "the columns" in str(found) and found.to_dict()["problems"]
+
+
+def test_every_line_that_is_commented_out_is_a_key_that_descriptions_have():
+    """The template with all its comments taken away parses, so that no key in it is misspelt."""
+    columns = {role: (role,) for role in ("time", "q", "tau", "dq", "ddq", "q_ref", "run", "split", "supply")}
+    draft = text(Draft("axis", columns, {"tau": "duty"}, {}, "x.csv"))
+    keys = [line.removeprefix("# ") for line in draft.splitlines() if " = " in line or line.startswith("[")]
+    lines = [line for line in keys if not line.startswith(("configuration", "parameters", "What"))]
+    description = parse_description(tomllib.loads("\n".join(lines)), "template")
+    assert description.columns.mass == "mass" and description.supply == 12.0 and description.torque_unit == "N.m"

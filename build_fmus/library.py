@@ -1,6 +1,5 @@
 """Shared libraries of fmu_src that are no FMUs (compiled master loop, batch kernel), compiled once per content."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from build_fmus.header import batch_header
 from build_fmus.scratch import workspace
 from build_fmus.sources import model_table, source_root
 
-_STRUCT = re.compile(r'#include "(\w+)_model\.h"')
+_STRUCT = '_model.h"'
 
 
 def library_path(name: str, flags: Sequence[str] = ()) -> Path:
@@ -41,8 +40,9 @@ def structs(name: str) -> dict[str, str]:
     """{file name: text} of the generated headers that fmu_src/NAME/NAME.c includes: structs of models whose laws it
     runs.
     """
-    code = (source_root() / name / f"{name}.c").read_text(encoding="utf-8")
-    return {f"{model}_model.h": batch_header(model_table(model)) for model in _STRUCT.findall(code)}
+    code = (source_root() / name / f"{name}.c").read_text(encoding="utf-8").splitlines()
+    included = [line.split('"')[1] for line in code if line.startswith('#include "') and line.endswith(_STRUCT)]
+    return {header: batch_header(model_table(header.removesuffix("_model.h"))) for header in included}
 
 
 def vectors() -> tuple[int, tuple[str, ...]]:

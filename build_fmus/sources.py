@@ -3,6 +3,7 @@
 import importlib.util
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 from build_fmus.errors import BuildError
@@ -26,8 +27,15 @@ def models() -> list[str]:
 
 
 def model_table(model: str) -> ModelTable:
-    """The variable table of one of our models."""
-    return load_table(source_root() / model / "model.toml")
+    """The variable table of one of our models; read again where a table of the sources has changed."""
+    root = source_root()
+    path = root / model / "model.toml"
+    return _table(path, tuple(p.stat().st_mtime_ns for p in (path, *root.glob("shared/*.toml")) if p.is_file()))
+
+
+@lru_cache(maxsize=32)
+def _table(path: Path, changed: tuple[int, ...]) -> ModelTable:
+    return load_table(path)
 
 
 def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from build_fmus import BuildError, cache, compiler, fmu_path, models, recording_fmu, start_values
 from build_fmus.cli import app, platforms_apart
 from build_fmus.description import describe
-from build_fmus.header import batch_header, defines, header
+from build_fmus.header import batch_header, functions, header
 from build_fmus.sources import model_table
 from build_fmus.table import ModelVariable, load_table, override
 from build_fmus.units import exponents, per_second
@@ -90,7 +90,7 @@ def test_a_model_needs_no_function_that_does_nothing(version):
     ],
 )
 def test_which_functions_a_model_has(code, expected):
-    assert defines(code, "sample") is expected
+    assert ("sample" in functions(code)) is expected
 
 
 # ---- the table ----

@@ -14,18 +14,18 @@ import pytest
 import cosim
 from cosim.results.files import write_h5
 from tests.support import hostile
-from tests.support.fuzz import FuzzedInputs, summary_text
+from tests.support.fuzz import FuzzInputs, summary_text
 
 COUNT, MANY = 200, 2000
 LONGEST = 30  # s that an input may take
 
 
 @pytest.fixture
-def bench(tmp_path):
+def inputs(tmp_path):
     """Everything imported and compiled, so that a forked child of this process begins at once."""
     for module in ("cli.run", "cli.sweep", "cli.identify", "report.identify", "report.sweep", "scenario.ssp"):
         import_module(f"cosim.{module}")
-    made = FuzzedInputs(tmp_path)
+    made = FuzzInputs(tmp_path)
     result = cosim.run(hostile.scenario("HONEST", tmp_path))
     write_h5(result.raw, tmp_path / "whole.h5")
     (tmp_path / "whole.json").write_text(summary_text())
@@ -64,12 +64,12 @@ def _done(words: tuple[str, ...]) -> int:
     return 0
 
 
-def internal_errors(bench, seeds):
+def internal_errors(inputs, seeds):
     """What went wrong of the inputs of those numbers: what, exit code, message."""
     found = []
     for seed in seeds:
-        made = bench.made(seed)
-        said = bench.folder / f"{seed}.err"
+        made = inputs.made(seed)
+        said = inputs.folder / f"{seed}.err"
         code = ended(made.words, said)
         text = said.read_text() if said.exists() else ""
         if code not in (0, 1, 2) or "internal error" in text or "Traceback" in text or (code and not text.strip()):
@@ -77,11 +77,11 @@ def internal_errors(bench, seeds):
     return found
 
 
-def test_two_hundred_damaged_inputs_are_refused_in_words_or_run(bench):
-    assert internal_errors(bench, range(COUNT)) == []
+def test_two_hundred_damaged_inputs_are_refused_in_words_or_run(inputs):
+    assert internal_errors(inputs, range(COUNT)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_two_thousand_damaged_inputs_are_refused_in_words_or_run(bench):
-    assert internal_errors(bench, range(COUNT, COUNT + MANY)) == []
+def test_two_thousand_damaged_inputs_are_refused_in_words_or_run(inputs):
+    assert internal_errors(inputs, range(COUNT, COUNT + MANY)) == []

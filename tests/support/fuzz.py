@@ -85,7 +85,7 @@ def _bytes(data: bytes, rng: np.random.Generator) -> tuple[bytes, str]:
     return b"", "empty"
 
 
-class FuzzedInputs:
+class FuzzInputs:
     """Whole inputs of every kind in a folder, and damaged ones made of them."""
 
     def __init__(self, folder: Path) -> None:

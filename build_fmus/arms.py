@@ -49,7 +49,7 @@ def _room(table: ModelTable) -> int:
 
 
 def _shorter(size: int | None, room: int, joints: int) -> int | None:
-    return size // room * joints if isinstance(size, int) and size % room == 0 else size
+    return size // room * joints if size is not None and size % room == 0 else size
 
 
 def _cut_row(v: ModelVariable, room: int, joints: int) -> ModelVariable:
@@ -61,4 +61,4 @@ def _cut_row(v: ModelVariable, room: int, joints: int) -> ModelVariable:
 
 
 def _cut_memory(p: Private, room: int, joints: int) -> Private:
-    return evolve(p, size=_shorter(p.size, room, joints))
+    return evolve(p, size=_shorter(p.size, room, joints)) if isinstance(p.size, int) else p

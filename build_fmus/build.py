@@ -6,14 +6,15 @@ from pathlib import Path
 from attrs import field, frozen
 
 from build_fmus.archive import zip_bytes
-from build_fmus.cache import builder_code, cache_folder, key_of, store, workspace
+from build_fmus.cache import builder_code, cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
 from build_fmus.description import describe
 from build_fmus.documentation import index_html
 from build_fmus.errors import BadRequestError, BuildError
 from build_fmus.header import header
-from build_fmus.sources import GENERATED, licence, model_files, models, readme_of, source_root
-from build_fmus.table import ModelTable, StartValue, load_table, override, suggestion
+from build_fmus.scratch import workspace
+from build_fmus.sources import GENERATED, licence, model_files, model_table, models, readme_of
+from build_fmus.table import ModelTable, StartValue, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
 
 Progress = Callable[[str], None]
@@ -57,7 +58,7 @@ def fmu_path(
     """
     if model not in models():
         raise BadRequestError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
-    table = load_table(source_root() / model / "model.toml")
+    table = model_table(model)
     if table.model.name != model:
         raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
     return build(BuildJob(override(table, start) if start else table, fmi, check_platforms(platforms)), progress)
@@ -108,20 +109,18 @@ def _keep(path: Path, data: bytes) -> None:
 
 
 def source_files(job: BuildJob) -> dict[str, bytes]:
-    """Every file of the sources folder, the generated table included."""
+    """Every file of the sources folder, the generated table included. Its first line is the instantiation token: a hash
+    of the sources and of the table with its start values.
+    """
     files = model_files(job.model, job.fmi, job.code)
-    token = token_of(job, files)
-    return files | {GENERATED: header(job.table, token).encode()}
+    table = header(job.table, files["model.c"])
+    token = key_of(table, *(x for n in sorted(files) for x in (n, files[n])))[:36]
+    return files | {GENERATED: f'#define MODEL_TOKEN "{{{token}}}"\n{table}'.encode()}
 
 
-def token_of(job: BuildJob, files: Mapping[str, bytes]) -> str:
-    """Instantiation token: a hash of the sources and of the table with its start values."""
-    return "{" + key_of(header(job.table, ""), *(x for n in sorted(files) for x in (n, files[n])))[:36] + "}"
-
-
-def header_token(job: BuildJob) -> str:
-    """Instantiation token of the FMU that the job would build."""
-    return token_of(job, model_files(job.model, job.fmi, job.code))
+def token_of(sources: Mapping[str, bytes]) -> str:
+    """Instantiation token of the FMU of these source files."""
+    return sources[GENERATED].split(b'"', 2)[1].decode()
 
 
 def _key(job: BuildJob, sources: dict[str, bytes], compiler: Compiler) -> str:
@@ -161,7 +160,7 @@ def _library(job: BuildJob, name: str, work: Path, compiler: Compiler, folder: P
 
 def _packed(job: BuildJob, sources: dict[str, bytes]) -> dict[str, bytes]:
     """Everything in the FMU but the libraries."""
-    token = token_of(job, {n: d for n, d in sources.items() if n != GENERATED})
+    token = token_of(sources)
     files = {
         "modelDescription.xml": describe(job.table, job.fmi, token).encode(),
         "documentation/index.html": index_html(job.table, job.readme).encode(),

@@ -1,15 +1,17 @@
 """Where built FMUs are kept: by content, written whole or not at all, so that two builds at once are safe."""
 
+import glob
 import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 from build_fmus.errors import BuildError
+from build_fmus.scratch import abandoned, held, workspace
 
 
 def cache_folder() -> Path:
@@ -39,17 +41,29 @@ def _writable(folder: Path) -> bool:
     return True
 
 
-@contextmanager
-def workspace() -> Iterator[Path]:
-    """A temporary folder, gone afterwards. Raises BuildError where there is no room for one."""
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="build-fmus-"))
-    except OSError as error:
-        raise BuildError(f"no temporary folder to build in: {error}; set TMPDIR") from error
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+def kept(folder: Path) -> dict[str, tuple[int, int]]:
+    """{part of the cache: (files, bytes)}."""
+    return {part.name: _measured(part) for part in sorted(folder.iterdir()) if not part.name.startswith(".")}
+
+
+def _measured(part: Path) -> tuple[int, int]:
+    files = [part] if part.is_file() else [Path(top, name) for top, _, names in os.walk(part) for name in names]
+    sizes = []
+    for file in files:
+        with suppress(OSError):  # another process has removed it
+            sizes.append(file.lstat().st_size)
+    return len(sizes), sum(sizes)
+
+
+def forget(folder: Path, parts: Iterable[str]) -> None:
+    """Remove parts of the cache. Raises BuildError where one cannot be removed."""
+    with workspace(folder) as aside:
+        for name in parts:
+            try:
+                (folder / name).rename(aside / name)  # moved first: nobody finds half of it
+                shutil.rmtree(aside / name) if (aside / name).is_dir() else (aside / name).unlink()
+            except OSError as error:
+                raise BuildError(f"cannot remove {folder / name}: {error}") from error
 
 
 def key_of(*parts: bytes | str) -> str:
@@ -83,14 +97,28 @@ def store(path: Path, data: bytes) -> None:
     """Write a file whole: to a temporary name beside it, then renamed. Raises BuildError (disk full, not writable)."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _clear(path)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
+                held(file)
                 file.write(data)
-            os.chmod(temporary, 0o644)
-            _rename(temporary, path)
+                file.flush()
+                os.chmod(temporary, 0o644)
+                if os.name != "nt":  # there, what is open cannot be renamed
+                    _rename(temporary, path)
+            if os.name == "nt":
+                _rename(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
         raise BuildError(f"cannot write {path}: {error.strerror or error}; free space, or set COSIM_CACHE") from error
+
+
+def _clear(path: Path) -> None:
+    """Remove what processes that were killed have left of the same file."""
+    for left in path.parent.glob(f"{glob.escape(path.name)}*.part"):
+        with abandoned(left) as found:
+            if found:
+                left.unlink(missing_ok=True)

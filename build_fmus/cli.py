@@ -1,6 +1,7 @@
 """The command `build-fmus`."""
 
 import os
+import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Annotated
 import typer
 
 from build_fmus.errors import BadRequestError, BuildError
+from build_fmus.running import RUNNING
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -58,8 +60,12 @@ def build_all(wanted: list[str], versions: list[int], platforms: list[str], out:
     pool = ThreadPoolExecutor(min(4, os.cpu_count() or 1))
     try:
         return list(pool.map(one, pairs))
-    finally:
+    except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
+        RUNNING.stop()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def copy(built: Path, target: Path) -> str:
@@ -84,4 +90,8 @@ def platforms_apart(words: list[str]) -> list[str]:
 
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 it cannot be built here, 2 bad input, 130 interrupted."""
+    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: no compiler and no folder stays behind
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
     app(args=platforms_apart(sys.argv[1:]), prog_name="build-fmus")

@@ -14,6 +14,7 @@ from pathlib import Path
 from attrs import frozen
 
 from build_fmus.errors import BuildError
+from build_fmus.running import RUNNING
 
 FLAGS = (
     "-std=c99",
@@ -125,9 +126,7 @@ def compile_library(
         raise BuildError(f"CC compiles for this machine only, not for {chosen.name}; unset CC to compile with zig")
     command = [*compiler.command, *compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)]
     try:
-        done = subprocess.run(
-            command, cwd=sources, env=_environment(cache), capture_output=True, text=True, check=False
-        )
+        done = RUNNING.run(command, sources, _environment(cache))
     except OSError as error:
         raise BuildError(f"the compiler {compiler.command[0]} does not start: {error}") from error
     if done.returncode and ("NoSpaceLeft" in done.stderr or "No space left" in done.stderr):

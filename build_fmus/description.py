@@ -77,8 +77,17 @@ def _enumerations(table: ModelTable) -> list[ModelVariable]:
     return [v for v in table.variable if v.type == "Enumeration"]
 
 
+_TOLERANCE = 1e-6
+"""Relative tolerance for importers that integrate a model themselves; in co-simulation our steps are fixed."""
+
+
 def _experiment(table: ModelTable) -> str:
-    times = {"startTime": 0.0, "stopTime": table.experiment.stop, "stepSize": table.experiment.step}
+    times = {
+        "startTime": 0.0,
+        "stopTime": table.experiment.stop,
+        "tolerance": _TOLERANCE,
+        "stepSize": table.experiment.step,
+    }
     return element("DefaultExperiment", times)
 
 
@@ -115,7 +124,7 @@ def _bound(v: ModelVariable, bound: float | None) -> object:
 
 def _nominal(s: Scalar) -> str | None:
     """Declared where it is not the default of 1: the difference quotients scale with it."""
-    value = nominal(s.variable, s.index)
+    value = nominal(s)
     return None if s.variable.type != "Real" or value == 1.0 else repr(value)
 
 

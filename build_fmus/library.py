@@ -1,11 +1,16 @@
 """Shared libraries of fmu_src that are no FMUs (compiled master loop, batch kernel), compiled once per content."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from build_fmus.cache import cache_folder, key_of, store, workspace
+from build_fmus.cache import cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, compile_library, find_compiler, this_platform
-from build_fmus.sources import source_root
+from build_fmus.header import batch_header
+from build_fmus.scratch import workspace
+from build_fmus.sources import model_table, source_root
+
+_STRUCT = re.compile(r'#include "(\w+)_model\.h"')
 
 
 def library_path(name: str, flags: Sequence[str] = ()) -> Path:
@@ -17,14 +22,27 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
     root = source_root()
     sources = sorted(p for sub in root.iterdir() if sub.is_dir() for p in sub.glob("*.[ch]"))
     parts = [x for path in sources for x in (str(path.relative_to(root)), path.read_bytes())]
-    key = key_of(compiler.identity, *compiler.flags(chosen), *flags, name, *parts)[:24]
+    headers = structs(name)
+    key = key_of(compiler.identity, *compiler.flags(chosen), *flags, name, *parts, *headers.values())[:24]
     library = folder / "libraries" / key / f"{name}{chosen.suffix}"
     if not library.is_file():
         with workspace() as work:
             fresh = work / library.name
-            compile_library(compiler, chosen, root, f"{name}/{name}.c", fresh, folder, ("-Ishared", *flags))
+            for header, text in headers.items():
+                (work / header).write_text(text)
+            compile_library(
+                compiler, chosen, root, f"{name}/{name}.c", fresh, folder, ("-Ishared", f"-I{work}", *flags)
+            )
             store(library, fresh.read_bytes())
     return library
+
+
+def structs(name: str) -> dict[str, str]:
+    """{file name: text} of the generated headers that fmu_src/NAME/NAME.c includes: structs of models whose laws it
+    runs.
+    """
+    code = (source_root() / name / f"{name}.c").read_text(encoding="utf-8")
+    return {f"{model}_model.h": batch_header(model_table(model)) for model in _STRUCT.findall(code)}
 
 
 def vectors() -> tuple[int, tuple[str, ...]]:

@@ -8,8 +8,8 @@ from attrs import evolve
 
 from build_fmus.build import BuildJob, Progress, build, check_platforms
 from build_fmus.errors import BuildError
-from build_fmus.sources import source_root
-from build_fmus.table import FMI_NAME, ModelTable, ModelVariable, load_table, override
+from build_fmus.sources import model_table
+from build_fmus.table import FMI_NAME, ModelTable, ModelVariable, override
 
 
 def recording_fmu(
@@ -57,7 +57,7 @@ def _problems(time: np.ndarray, data: Mapping[str, np.ndarray], units: Mapping[s
 
 def _table(data: Mapping[str, np.ndarray], units: Mapping[str, str]) -> ModelTable:
     """The Recording table with one output for each column, in their order and before everything else."""
-    table = load_table(source_root() / "Recording" / "model.toml")
+    table = model_table("Recording")
     outputs = [
         ModelVariable(f"y{i + 1}", "output", f"recorded column {name}", unit=units[name], names=[name])
         for i, name in enumerate(data)

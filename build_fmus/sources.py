@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from build_fmus.errors import BuildError
+from build_fmus.table import ModelTable, load_table
 
 GENERATED = "model_table.h"
 INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"', re.MULTILINE)
@@ -22,6 +23,11 @@ def source_root() -> Path:
 def models() -> list[str]:
     """Names of the models: the folders of fmu_src with a table."""
     return sorted(path.parent.name for path in source_root().glob("*/model.toml"))
+
+
+def model_table(model: str) -> ModelTable:
+    """The variable table of one of our models."""
+    return load_table(source_root() / model / "model.toml")
 
 
 def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:

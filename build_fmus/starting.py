@@ -6,12 +6,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from build_fmus.arms import cut_like
-from build_fmus.build import BuildJob, build, check_platforms, header_token
+from build_fmus.build import BuildJob, build, check_platforms, source_files, token_of
 from build_fmus.cache import store
 from build_fmus.compiler import PLATFORMS
 from build_fmus.errors import BuildError
-from build_fmus.sources import models, source_root
-from build_fmus.table import ModelTable, StartValue, load_table, override
+from build_fmus.sources import model_table, models
+from build_fmus.table import ModelTable, StartValue, override
 
 
 def start_values(fmu: Path, values: Mapping[str, StartValue], out: Path) -> Path:
@@ -25,10 +25,11 @@ def start_values(fmu: Path, values: Mapping[str, StartValue], out: Path) -> Path
     name = description.get("modelName", "")
     if name not in models() or name == "Recording":
         raise BuildError(f"{fmu}: {name!r} is no model with start values of this package")
-    names = {variable.get("name") for variable in description.iter() if variable.get("name")}
-    table = cut_like(load_table(source_root() / name / "model.toml"), names)
+    names = {found for variable in description.iter() if (found := variable.get("name"))}
+    table = cut_like(model_table(name), names)
     present = override(table, _present_values(description, version, table))
-    if header_token(BuildJob(present, version, ())) != description.get("guid", description.get("instantiationToken")):
+    token = token_of(source_files(BuildJob(present, version, ())))
+    if token != description.get("guid", description.get("instantiationToken")):
         raise BuildError(
             f"{fmu} was built from other sources than the present ones; build it again with build-fmus {name}"
         )

@@ -70,15 +70,17 @@ class ModelVariable:
 
 @frozen
 class Private:
-    """FMU state that no one reads: a ring buffer, the state of a random generator, a counter."""
+    """FMU state that no one reads: a ring buffer, the state of a random generator, a counter.
+
+    size: numbers, [records, numbers in a record], or "states": as many as the model has. scope, where many scenarios
+    run at once (REAL_LANES of lanes.h): a number of each `lane`; one number of the whole `batch`; or of an FMU's
+    `instance` only, since a batch keeps histories in its own way.
+    """
 
     name: str
-    size: int | None = None
+    size: int | list[int] | str | None = None
     description: str = ""
-
-    @property
-    def width(self) -> int:
-        return self.size or 1
+    scope: Literal["lane", "batch", "instance"] = "lane"
 
 
 @frozen
@@ -108,19 +110,13 @@ class DefaultExperiment:
 
 @frozen
 class Scalar:
-    """One FMI variable: its row, place in the row, value reference (index of its double in the struct)."""
+    """One FMI variable: its row, place in the row, value reference (index of its double in the struct), name, start."""
 
     variable: ModelVariable
     index: int
     reference: int
-
-    @property
-    def name(self) -> str:
-        return self.variable.fmi_names[self.index]
-
-    @property
-    def start(self) -> float:
-        return self.variable.starts[self.index]
+    name: str
+    start: float
 
 
 @frozen(slots=False)
@@ -138,8 +134,21 @@ class ModelTable:
 
     @cached_property
     def scalars(self) -> list[Scalar]:
-        pairs = [(v, i) for v in self.variable for i in range(v.width)]
-        return [Scalar(v, i, reference) for reference, (v, i) in enumerate(pairs)]
+        found: list[Scalar] = []
+        for v in self.variable:
+            missing = [math.nan] * v.width  # in a wrong table, before `check` says so
+            for i, name, start in zip(range(v.width), v.fmi_names, [*v.starts, *missing]):
+                found.append(Scalar(v, i, len(found), name, start))
+        return found
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Shape of a private array; empty where it is one number."""
+        size = next(p.size for p in self.private if p.name == name)
+        if isinstance(size, list):
+            return tuple(size)
+        if isinstance(size, int):
+            return (size,)
+        return () if size is None else (len(self.states),)
 
     def of(self, *causalities: str) -> list[Scalar]:
         return [s for s in self.scalars if s.variable.causality in causalities]
@@ -199,6 +208,7 @@ def load_table(path: Path) -> ModelTable:
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter()
     converter.register_structure_hook(float | list[float], lambda value, _: value)
+    converter.register_structure_hook(int | list[int] | str | None, lambda value, _: value)
     return converter
 
 
@@ -241,6 +251,10 @@ def check(table: ModelTable) -> Iterable[str]:
             yield f"{name!r} is there twice"
     for v in table.variable:
         yield from (f"{v.name}: {problem}" for problem in _check_row(v, table))
+    for p in table.private:
+        counts = p.size if isinstance(p.size, list) else [] if p.size in (None, "states") else [p.size]
+        if not all(isinstance(n, int) and n > 0 for n in counts):
+            yield f'{p.name}: size {p.size!r} is neither a count, a list of counts nor "states"'
     if table.continuous != bool(table.of("state")):
         yield "a continuous model has states and a sampled one has none"
 

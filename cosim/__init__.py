@@ -14,6 +14,7 @@ from cosim.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
     from cosim.api.exporting import export
+    from cosim.api.inspecting import inspect
     from cosim.api.loops import StabilityResult, stability
     from cosim.api.recordings import ClosureResult, DataSurvey, IdentificationResult, close_loop, data, identify, read
     from cosim.api.robots import RobotResult, robot
@@ -41,6 +42,7 @@ __all__ = [
     "data",
     "export",
     "identify",
+    "inspect",
     "load",
     "open_result",
     "read",
@@ -52,6 +54,7 @@ __all__ = [
 
 _HOMES = {
     "cosim.api.exporting": ("export",),
+    "cosim.api.inspecting": ("inspect",),
     "cosim.api.loops": ("StabilityResult", "stability"),
     "cosim.api.recordings": (
         "ClosureResult",

@@ -24,10 +24,10 @@ class InputError(Exception):
     """Bad input. Holds every problem that was found, not only the first."""
 
     def __init__(self, problems: Iterable[Problem] | Problem) -> None:
-        self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type["InputError"], tuple[tuple[Problem, ...]]]:
         return InputError, (self.problems,)
 
 
@@ -35,11 +35,14 @@ class RunError(Exception):
     """An FMU failed: which one, which variable where known, at what time [s], and its own words."""
 
     def __init__(self, fmu: str, time: float | None, message: str, variable: str = "") -> None:
-        self.fmu, self.time, self.message, self.variable = fmu, time, message, variable
+        self.fmu: str = fmu
+        self.time: float | None = time
+        self.message: str = message
+        self.variable: str = variable
         moment = "" if time is None else f" at t = {time:.9g} s"
         super().__init__(f"FMU {fmu}{f', {variable}' if variable else ''}{moment}: {message}")
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type["RunError"], tuple[str, float | None, str, str]]:
         return RunError, (self.fmu, self.time, self.message, self.variable)
 
 

@@ -1,31 +1,72 @@
 """Variables of FMUs as the wiring sees them: names with brackets, units, causality, what acts directly on what."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from functools import cached_property, lru_cache
 
-from attrs import field, frozen
+from attrs import Factory, field, frozen
 
 TYPES = {"Real": 0, "Float64": 0, "Float32": 1, "Boolean": 3, "String": 4, "Binary": 5, "Clock": 6}
 """In which order variables are exchanged, by type: doubles first; integers of every size are 2."""
-_ELEMENT = re.compile(r"^(?P<stem>.*)\[(?P<index>\d+)\]$")
+REALS = ("Real", "Float64", "Float32")
+WHOLE = {
+    "Integer": (-(2**31), 2**31 - 1),
+    "Enumeration": (-(2**63), 2**63 - 1),
+    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+"""Least and greatest value of every type of whole numbers (an enumeration of FMI 2.0 has 32 bits, see `limits`)."""
+EXACT = 2**53
+"""Whole numbers up to this size are doubles exactly."""
+_ELEMENT = re.compile(r"^(?P<stem>.*)\[(?P<index>\d+(,\d+)*)\]$")
 
 
 @frozen
 class Unit:
-    """A unit string and, where the FMU defines it, its exponents over (kg, m, s, A, K, mol, cd, rad) and its factor."""
+    """A unit string and, where the FMU defines it, its exponents over (kg, m, s, A, K, mol, cd, rad), its factor and
+    its offset: value in base units = factor value + offset.
+    """
 
     name: str
     exponents: tuple[int, ...] | None = None
     factor: float = 1.0
+    offset: float = 0.0
 
     def joins(self, other: "Unit") -> bool:
-        """Whether a signal may be wired to one of the other unit: same dimension, radians counted, same scale."""
-        if not self.name or not other.name:
-            return True
-        if self.exponents is not None and other.exponents is not None:
-            return self.exponents == other.exponents and self.factor == other.factor
-        return _plain(self.name) == _plain(other.name)
+        """Whether a signal may be wired to one of the other unit as it is: same dimension, radians counted, same
+        scale.
+        """
+        return self.towards(other) == (1.0, 0.0)
+
+    def towards(self, other: "Unit") -> tuple[float, float] | None:
+        """Gain and shift that turn a value of this unit into one of the other; None where the dimensions differ."""
+        same = _plain(self.name) == _plain(other.name) and not self._differs(other)
+        if not self.name or not other.name or same:
+            return 1.0, 0.0
+        if self.exponents is None or other.exponents is None or self.exponents != other.exponents:
+            return None
+        if (self.factor, self.offset) == (other.factor, other.offset):
+            return 1.0, 0.0
+        return self.factor / other.factor, (self.offset - other.offset) / other.factor
+
+    def _differs(self, other: "Unit") -> bool:
+        """Whether both define what they mean, and mean different things."""
+        defined = self.exponents is not None and other.exponents is not None
+        return defined and (self.exponents, self.factor, self.offset) != (other.exponents, other.factor, other.offset)
+
+    @property
+    def of_motion(self) -> bool:
+        """Whether positions, rates, accelerations, forces and torques are measured in it, in SI."""
+        if self.exponents is None:
+            return _plain(self.name) in ("m", "m/s", "m/s2", "rad", "rad/s", "rad/s2", "N", "N.m")
+        mechanical, rest, rad = self.exponents[:3], self.exponents[3:-1], self.exponents[-1]
+        motion = mechanical in _MOTIONS or (rad and mechanical == (0, 0, 0))
+        return bool(motion and not any(rest) and (self.factor, self.offset) == (1.0, 0.0))
+
+
+_MOTIONS = ((0, 1, 0), (0, 1, -1), (0, 1, -2), (0, 0, -1), (0, 0, -2), (1, 1, -2), (1, 2, -2))
+"""Exponents (kg, m, s) of position, velocity, acceleration, angular rates, force and torque."""
 
 
 def _plain(unit: str) -> str:
@@ -34,10 +75,12 @@ def _plain(unit: str) -> str:
 
 @frozen
 class Variable:
-    """One scalar variable of an FMU.
+    """One scalar variable of an FMU, or one element of an array.
 
     `feedthrough` names the inputs that act on an output at the same instant; None means the FMU does not say (then
     every input may). `slope` is the value reference of an input's generated derivative input (FMI 3), else None.
+    `items` and `item_values`: names and values of an enumeration. `element`, `size`: which of how many values behind
+    the reference (row by row), 0 of 1 for a scalar.
     """
 
     name: str
@@ -54,11 +97,48 @@ class Variable:
     slope: int | None = None
     derivative_of: str | None = None
     tunable: bool = False
+    item_values: tuple[int, ...] = field(
+        default=Factory(lambda self: tuple(range(1, len(self.items) + 1)), takes_self=True)
+    )
+    element: int = 0
+    size: int = 1
+    constant: bool = False
+    nominal: float | None = None
+
+    def item(self, value: float | str) -> str:
+        """The name of an enumeration's value; the value itself where no item has it."""
+        number = float(value)
+        return next((name for name, v in zip(self.items, self.item_values) if v == number), f"{number:g}")
+
+    @property
+    def kind(self) -> str:
+        """What it holds: real, integer, Boolean, Enumeration, String, Binary or Clock."""
+        return "real" if self.type in REALS else "integer" if self.type in _WHOLE_NUMBERS else self.type
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and greatest value: of the type, narrowed by what the FMU declares."""
+        low, high = WHOLE.get(self.type, (-math.inf, math.inf))
+        low = low if self.minimum is None else max(low, self.minimum)
+        return low, high if self.maximum is None else min(high, self.maximum)
+
+    @property
+    def exchanged(self) -> bool:
+        """Whether its values are numbers, so that they can be recorded."""
+        return TYPES.get(self.type, 2) < 4
+
+
+_WHOLE_NUMBERS = frozenset(WHOLE) - {"Enumeration"}
 
 
 @frozen
 class FmuDescription:
-    """What an FMU says of itself: variables by name, whether it integrates, whether it takes input slopes."""
+    """What an FMU says of itself: variables by name, whether it integrates, whether it takes input slopes.
+
+    `tolerance`, `step`: of its default experiment; `platforms`: those that it has a binary for, in its own words;
+    `needs_tool`: whether it only runs where the tool that made it is installed; `sizes`: structural parameters that
+    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use.
+    """
 
     model: str
     variables: Mapping[str, Variable]
@@ -73,6 +153,13 @@ class FmuDescription:
     single_instance: bool = False
     saves_state: bool = False
     step: float | None = None
+    tolerance: float | None = None
+    platforms: tuple[str, ...] = ()
+    needs_tool: bool = False
+    tool: str = ""
+    sizes: tuple[tuple[str, int], ...] = ()
+    warnings: tuple[str, ...] = ()
+    differentiates: bool = False
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""
@@ -93,14 +180,22 @@ class FmuDescription:
     @cached_property
     def _vectors(self) -> dict[str, list[str]]:
         """Scalar names by stem, in the order of their indices."""
-        return {name: sorted(names, key=index_of) for name, names in grouped(self.variables).items()}
+        return {name: sorted(names, key=indices_of) for name, names in grouped(self.variables).items()}
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
         """Outputs that can be wired, in the order in which they are read."""
-        return tuple(
-            by_type(v for v in self.variables.values() if v.causality == "output" and TYPES.get(v.type, 2) < 4)
-        )
+        return tuple(by_type(v for v in self.variables.values() if v.causality == "output" and v.exchanged))
+
+    @cached_property
+    def silent(self) -> tuple[str, ...]:
+        """Outputs that are no numbers, and so are not recorded."""
+        return tuple(v.name for v in self.variables.values() if v.causality == "output" and not v.exchanged)
+
+    @cached_property
+    def arrays(self) -> bool:
+        """Whether several values lie behind one reference."""
+        return any(v.size != 1 for v in self.variables.values())
 
     def stems(self, causality: str | None = None) -> list[str]:
         """Names without brackets, each once, in the order of the FMU."""
@@ -125,11 +220,16 @@ def stem(name: str) -> str:
     return match["stem"] if match else name
 
 
-@lru_cache(maxsize=8192)
 def index_of(name: str) -> int:
     """`q[2]` -> 2; 0 for a scalar."""
+    return next(iter(indices_of(name)), 0)
+
+
+@lru_cache(maxsize=8192)
+def indices_of(name: str) -> tuple[int, ...]:
+    """`q[2]` -> (2,), `A[1,3]` -> (1, 3); empty for a scalar."""
     match = _ELEMENT.match(name)
-    return int(match["index"]) if match else 0
+    return tuple(map(int, match["index"].split(","))) if match else ()
 
 
 def grouped(names: Iterable[str]) -> dict[str, list[str]]:

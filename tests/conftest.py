@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.needs import NEEDS, expected, require
-from tests.support.paths import SHARED
+from tests.support.paths import CASES, SHARED
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jobs: what Ctrl-C does is tested there too
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -48,6 +48,13 @@ def shared_data() -> Path:
     """Folder of the measured data sets."""
     require("data")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """Folder of the inputs that failed once."""
+    require("cases")
+    return CASES
 
 
 _crashing = False  # whether the running test's children are meant to crash

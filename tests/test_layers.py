@@ -35,8 +35,8 @@ HEAVY = {
     "xarray": {"cosim.results.frames", "cosim.api"},
 }
 LIGHT = set(
-    """__future__ atexit attrs collections contextlib cosim enum functools gc importlib itertools json math os pathlib
-    re sys tempfile types typer typing""".split()
+    """__future__ atexit attrs collections contextlib cosim enum errno functools gc importlib itertools json math os
+    pathlib re signal stat sys tempfile threading types typer typing""".split()
 )
 
 

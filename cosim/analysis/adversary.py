@@ -77,8 +77,8 @@ def destroying_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int
         if most in laws or not low <= most <= high:
             break
         start = _tuned(loop, most, ways, start, 2)
-    growing = [law for law in laws.values() if law.growth_rate > 0.0]
-    return min(growing, key=lambda law: law.max_delay, default=None)
+    exact = (under(loop, law.ages) for _, law in sorted(laws.items()) if law.growth_rate > 0.0)
+    return next((law for law in exact if law.growth_rate > 0.0), None)
 
 
 def _coarse_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:

@@ -11,7 +11,7 @@ from cosim.analysis.proof import verify
 from cosim.analysis.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
 
 INTERVALS = 8
-LIFTS = {4: 2}
+LIFTS = {4: 1}
 """Knots of the delay, and the earlier moment that is looked at too: what two cores solve in seconds (ANY_DELAY.md)."""
 
 

@@ -1,96 +1,18 @@
-"""What theory says of a scenario at a pose: damping counted on, criteria, robust bound, spectrum, margins,
-passivity.
-"""
+"""What theory says of a scenario at a pose: criteria, robust bound, spectrum, passivity; and what it withholds."""
 
 from collections.abc import Mapping
-from functools import lru_cache
 
 import numpy as np
 from attrs import field, frozen
 
+from cosim.analysis.coupling import Coupled, CoupledSide
 from cosim.analysis.criteria import Coupling, Criterion, delay_sum, sallam_eq10
-from cosim.analysis.damping import LeastViscosity, least_joint_viscosity, least_task_viscosity
-from cosim.analysis.linearisation import LinearFmu, LinearLoop
+from cosim.analysis.linear_fmu import LinearFmu
+from cosim.analysis.linearisation import LinearLoop
 from cosim.analysis.passivity import PortPassivity, port_passivity
 from cosim.analysis.robust import delay_law_bound
 from cosim.analysis.spectrum import abscissa, max_delay
 from cosim.wiring import Wiring
-
-CONTROLLER = "PLikeController"
-MEMORYLESS = (CONTROLLER, "VariableDelayChannel", "Operator", "Environment", "Recording", "Excitation")
-"""Sampled models without hidden memory that acts on the loop: others make a linearisation from their inputs and outputs
-incomplete.
-"""
-
-
-@frozen
-class CoupledSide:
-    """One arm's coupling: K [N/m], B [N s/m] of the controller per axis (joint space: N m/rad, N m s/rad), plant
-    viscosity.
-    """
-
-    arm: str
-    stiffness: np.ndarray = field(eq=False)
-    damping: np.ndarray = field(eq=False)
-    joint_space: bool
-    viscous: tuple[float, ...]
-    compensated: bool
-
-    @property
-    def viscosity(self) -> LeastViscosity:
-        """Least viscosity of the plant where the controller acts."""
-        return least_joint_viscosity(self.viscous) if self.joint_space else _least_task(self.viscous)
-
-    @property
-    def effective(self) -> np.ndarray:
-        """Damping per axis that a criterion may count on."""
-        return self.damping + self.viscosity.value
-
-
-@lru_cache(maxsize=64)
-def _least_task(viscous: tuple[float, ...]) -> LeastViscosity:
-    return least_task_viscosity(np.array(viscous))
-
-
-def sides(wiring: Wiring) -> tuple[CoupledSide, CoupledSide] | None:
-    """The two coupled arms of a teleoperation scenario; None where it is none or an arm is coupled in another way."""
-    if wiring.scenario.arms is None:
-        return None
-    local, remote = (_side(wiring, arm) for arm in wiring.scenario.arms)
-    if local is None or remote is None or local.joint_space != remote.joint_space:
-        return None
-    return local, remote
-
-
-def _side(wiring: Wiring, arm: str) -> CoupledSide | None:
-    if wiring.descriptions[arm].model != "PhantomArm":
-        return None
-    values = _LoopValues(wiring, arm)
-    plant = (tuple(values.vector("viscous").tolist()), bool(values.vector("gravity_compensation")[0]))
-    wired = {link.target.variable for link in wiring.links if link.target.component == arm}
-    if "x_ref[1]" in wired and values.vector("stiffness").any():
-        return CoupledSide(arm, values.vector("stiffness"), values.vector("damping"), False, *plant)
-    drivers = {link.source.component for link in wiring.links if link.target.component == arm}
-    for name in wiring.scenario.components:
-        if name in drivers and wiring.descriptions[name].model == CONTROLLER:
-            gains = _LoopValues(wiring, name)
-            joint = gains.item("space") == "joint"
-            prefix = "joint_" if joint else ""
-            return CoupledSide(arm, gains.vector(prefix + "stiffness"), gains.vector(prefix + "damping"), joint, *plant)
-    return None
-
-
-class _LoopValues:
-    """Start values of a component's parameters: the scenario's, else the FMU's own."""
-
-    def __init__(self, wiring: Wiring, name: str) -> None:
-        self.wiring, self.name, self.description = wiring, name, wiring.descriptions[name]
-
-    def vector(self, name: str) -> np.ndarray:
-        return np.array([self.wiring.start(self.name, element) for element in self.description.elements(name)])
-
-    def item(self, name: str) -> str:
-        return self.description.variables[name].items[int(self.vector(name)[0]) - 1]
 
 
 def coupling(pair: tuple[CoupledSide, CoupledSide]) -> Coupling:
@@ -100,17 +22,26 @@ def coupling(pair: tuple[CoupledSide, CoupledSide]) -> Coupling:
 
 @frozen
 class Theory:
-    """The conditions at one pose. None where a condition does not apply to the scenario."""
+    """The conditions at one pose. None where a condition does not apply to the scenario; `withheld` says why.
+
+    `coupled`: what was found of the coupling of the arms, which the criteria take for granted.
+    """
 
     pose: tuple[float, ...]
     delays: tuple[float, float]
     longest: tuple[float, float]
     constant: bool
-    pair: tuple[CoupledSide, CoupledSide] | None
+    coupled: Coupled
     delay_sum: Criterion | None
     sallam_eq10: Criterion | None
     law_bound: float | None
     abscissa: float | None
+    withheld: Mapping[str, str] = field(factory=dict)
+
+    @property
+    def pair(self) -> tuple[CoupledSide, CoupledSide] | None:
+        """The two sides of a loop of springs and dampers."""
+        return self.coupled.pair
 
     @property
     def known_mass(self) -> bool:
@@ -123,29 +54,38 @@ class Theory:
         return self.delay_sum is not None and self.delay_sum.holds
 
 
-def theory(wiring: Wiring, loop: LinearLoop) -> Theory:
+def theory(wiring: Wiring, loop: LinearLoop, found: Coupled) -> Theory:
     """All conditions for the delays of the scenario. The criteria take the greatest delays, the spectrum the mean
-    ones.
+    ones. A condition whose assumptions do not hold on the loop is withheld.
     """
-    pair, family = sides(wiring), loop.family()
+    pair, family = found.pair, loop.family()
     gains = coupling(pair) if pair and family else None
+    withheld = {}
+    if gains is None or found.broken:
+        withheld["delay_sum"] = "; ".join(found.broken) or "the arms are not coupled over two channels"
+    hidden = _hidden(loop)
+    if hidden:
+        withheld |= dict.fromkeys(("spectrum", "known_mass", "margin"), hidden)
+    elif family is None:
+        withheld |= dict.fromkeys(("known_mass", "margin"), "the loop has no channel, or a signal passes two")
+    sure = gains is not None and not found.broken
     return Theory(
         pose_of(wiring),
         loop.delays,
         loop.longest,
         loop.constant,
-        pair,
-        delay_sum(gains, *loop.longest) if gains else None,
+        found,
+        delay_sum(gains, *loop.longest) if gains and sure else None,
         sallam_eq10(gains, *loop.longest) if gains else None,
-        delay_law_bound(family) if family else None,
-        _finite(abscissa(loop.system())) if complete(wiring) else None,
+        delay_law_bound(family) if family and not hidden else None,
+        None if hidden else _finite(abscissa(loop.system())),
+        withheld,
     )
 
 
-def complete(wiring: Wiring) -> bool:
-    """Whether the linearisation sees all of the loop: no sampled FMU with a memory of its own in it."""
-    fed = {link.target.component for link in wiring.links} & {link.source.component for link in wiring.links}
-    return all(wiring.descriptions[n].integrates or wiring.descriptions[n].model in MEMORYLESS for n in fed)
+def _hidden(loop: LinearLoop) -> str:
+    """Why the linearised loop is not the whole of it; empty where it is."""
+    return "; ".join(f"{name} {why}" for name, why in loop.unseen.items())
 
 
 def _finite(value: float) -> float | None:
@@ -157,13 +97,17 @@ def pose_of(wiring: Wiring) -> tuple[float, ...]:
     names = wiring.scenario.arms or [
         n for n in wiring.scenario.components if wiring.descriptions[n].elements("q_start")
     ]
-    return tuple(_LoopValues(wiring, names[0]).vector("q_start").tolist()) if names else ()
+    if not names:
+        return ()
+    return tuple(wiring.start(names[0], element) for element in wiring.descriptions[names[0]].elements("q_start"))
 
 
 def boundary(loop: LinearLoop) -> float | None:
-    """Largest constant delay each way [s] by the exact spectrum; None where the loop has no channel."""
+    """Largest constant delay each way [s] by the exact spectrum; None where the loop has no channel, or is not all
+    seen.
+    """
     family = loop.family()
-    return max_delay(family) if family else None
+    return max_delay(family) if family and not loop.unseen else None
 
 
 def plant_ports(loop: LinearLoop, pair: tuple[CoupledSide, CoupledSide] | None) -> Mapping[str, PortPassivity]:

@@ -3,11 +3,15 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 
+import numpy as np
 from attrs import field, frozen
 
 from cosim.analysis.assessment import Theory, boundary, plant_ports, theory
-from cosim.analysis.evidence import StabilityEvidence, strongest
-from cosim.analysis.linearisation import LinearLoop, linearise
+from cosim.analysis.coupling import Coupled, coupled
+from cosim.analysis.evidence import GROWS, UNSTABLE, StabilityEvidence, strongest
+from cosim.analysis.examination import examine
+from cosim.analysis.linear_fmu import LinearFmu
+from cosim.analysis.linearisation import LinearLoop, linear_loop
 from cosim.analysis.margin import Margins, margins
 from cosim.analysis.passivity import PortPassivity
 from cosim.analysis.twin import judged_run
@@ -16,6 +20,13 @@ from cosim.engine.reference import RunProgress
 from cosim.fmu import FmuSet
 from cosim.results.summary import Judged
 from cosim.scenario import Scenario
+from cosim.wiring import Wiring
+
+
+def _loop(wiring: Wiring, system: FmuSet, mark: np.ndarray | None) -> tuple[LinearLoop, Coupled]:
+    """The linearised loop and the coupling of its arms, on loaded FMUs."""
+    found = examine(wiring, system, mark)
+    return linear_loop(found), coupled(found)
 
 
 @frozen
@@ -28,6 +39,7 @@ class Comparison:
     ports: Mapping[str, PortPassivity]
     judged: Judged
     added_ages: Mapping[str, float] = field(factory=dict)
+    parts: Mapping[str, LinearFmu] = field(factory=dict, repr=False)
 
     @property
     def evidence(self) -> StabilityEvidence:
@@ -35,16 +47,37 @@ class Comparison:
         t = self.theory
         return strongest(self.judged.outcome, t.any_mass, t.known_mass, t.abscissa, t.constant)
 
+    @property
+    def contradiction(self) -> str:
+        """Which guarantee the simulation or the spectrum contradicts, in words; empty where none does."""
+        t = self.theory
+        given = [
+            name
+            for name, holds in (
+                ("the delay-sum condition", t.any_mass),
+                ("the bound for any law", t.known_mass),
+                ("the spectrum", t.constant and t.abscissa is not None and t.abscissa < 0.0),
+            )
+            if holds
+        ]
+        grown = [name for name, grows in (("the simulation", self.judged.outcome in UNSTABLE),) if grows]
+        if t.constant and t.abscissa is not None and t.abscissa > GROWS:
+            grown.append("the spectrum")
+        if not given or not grown:
+            return ""
+        return f"{' and '.join(given)} promised a stable loop, and {' and '.join(grown)} shows that it grows"
+
 
 def compare(
     scenario: Scenario, system: FmuSet, progress: Callable[[RunProgress], None] | None = None
 ) -> tuple[Comparison, LinearLoop]:
     """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
     wiring = system.wiring(scenario)
-    loop = called(partial(linearise, scenario, system), scenario, system, "the loop was linearised")
-    said, family = theory(wiring, loop), loop.family()
+    kind = tuple[LinearLoop, Coupled]
+    loop, coupling = called(partial(_loop, wiring, system), kind, scenario, system, "the loop was linearised")
+    said, family = theory(wiring, loop, coupling), None if loop.unseen else loop.family()
     margin = margins(family, max(loop.delays)) if family and loop.delays[0] == loop.delays[1] else None
     limit = boundary(loop) if said.abscissa is not None else None
     judged = judged_run(scenario, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
-    return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages), loop
+    return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus), loop

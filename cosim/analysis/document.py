@@ -1,7 +1,7 @@
 """`stability.json`: criteria, spectrum, margins and simulation of a scenario side by side, in plain values."""
 
-from cosim.analysis.assessment import CoupledSide
 from cosim.analysis.comparison import Comparison
+from cosim.analysis.coupling import CoupledSide
 from cosim.analysis.criteria import Criterion
 from cosim.analysis.margin import Margins
 from cosim.results.summary import number
@@ -33,6 +33,10 @@ def document(found: Comparison) -> dict[str, object]:
             "interval": None if found.judged.interval is None else [number(v) for v in found.judged.interval],
             "advice": found.judged.outcome.advice,
         },
+        "withheld": dict(t.withheld),
+        "assumptions": [{"what": a.what, "holds": a.holds, "seen": a.seen} for a in t.coupled.assumptions],
+        "linearised": {n: {"from": f.origin, "misses": f.why} for n, f in found.parts.items()},
+        "contradiction": found.contradiction or None,
         "evidence": found.evidence.value,
         "evidence_meaning": found.evidence.meaning,
         "added_ages": dict(found.added_ages),
@@ -48,12 +52,14 @@ def notes(found: Comparison) -> list[str]:
             "the delay varies: the spectrum is that of the mean delay and proves "
             "nothing for the law; the criteria take its bound"
         )
-    if t.pair and not all(side.compensated for side in t.pair):
-        said.append("gravity is not compensated: delay_sum and sallam_eq10 assume that it is")
+    if found.contradiction:
+        said.append(f"{found.contradiction}: an assumption does not hold; rely on the simulation, and report the loop")
+    if t.sallam_eq10 and "delay_sum" in t.withheld:
+        said.append(f"no delay-sum condition: {t.withheld['delay_sum']}")
     if t.delay_sum and t.sallam_eq10 and t.sallam_eq10.holds and not t.delay_sum.holds:
         said.append("sallam_eq10 holds where the delay-sum condition does not: it is not sufficient and proves nothing")
-    if t.abscissa is None:
-        said.append("no spectrum: the loop holds a sampled FMU whose memory a linearisation does not see")
+    if "spectrum" in t.withheld:
+        said.append(f"no spectrum, margin or bound from it: {t.withheld['spectrum']}")
     return said
 
 

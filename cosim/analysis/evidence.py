@@ -39,6 +39,8 @@ _MEANING = {
 
 UNSTABLE = (Outcome.GROWING, Outcome.LIMIT_CYCLE, Outcome.DIVERGED)
 """Outcomes that show an unstable loop."""
+GROWS = 1e-6
+"""Abscissa [1/s] from which a spectrum shows growth: below it stand roots of free motion that differences moved."""
 
 
 def strongest(
@@ -50,10 +52,11 @@ def strongest(
 ) -> StabilityEvidence:
     """The strongest evidence, given the simulated outcome (None: not simulated) and what the conditions say.
 
-    A simulation that grows falsifies whatever a condition said (its assumptions did not hold). `abscissa` [1/s]
-    counts only for `constant` delays; None where there is no linearisation.
+    A simulation that grows falsifies whatever a condition said (its assumptions did not hold), and so does a spectrum.
+    `abscissa` [1/s] counts only for `constant` delays; None where there is no linearisation.
     """
-    if outcome in UNSTABLE:
+    promised = any_mass or known_mass
+    if outcome in UNSTABLE or (promised and constant and abscissa is not None and abscissa > GROWS):
         return StabilityEvidence.FALSIFIED
     if any_mass:
         return StabilityEvidence.ANY_MASS

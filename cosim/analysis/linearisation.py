@@ -9,20 +9,18 @@ more than the age of the received sample; the spectrum with the age of every pat
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from attrs import field, frozen
 
+from cosim.analysis.examination import Examined, examine
+from cosim.analysis.linear_fmu import LinearFmu, channel_bounds
 from cosim.analysis.spectrum import DelayFamily, DelaySystem
-from cosim.engine.master import System, initialise
-from cosim.engine.reference import marked
-from cosim.errors import InputError, Problem, RunError
+from cosim.engine.master import System
+from cosim.errors import InputError, Problem
 from cosim.scenario import Scenario, with_parameters
 from cosim.signals import stem
 from cosim.wiring import Link, Wiring
-
-CHANNEL = "VariableDelayChannel"
 
 
 @frozen
@@ -31,19 +29,6 @@ class Way:
 
     age: float
     channels: tuple[str, ...]
-
-
-@frozen
-class LinearFmu:
-    """x' = A x + B u, y = C x + D u of one FMU at the pose; only wired inputs and outputs."""
-
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    a: np.ndarray = field(eq=False)
-    b: np.ndarray = field(eq=False)
-    c: np.ndarray = field(eq=False)
-    d: np.ndarray = field(eq=False)
 
 
 @frozen
@@ -78,6 +63,11 @@ class LinearLoop:
         return DelayFamily(*parts)
 
     @property
+    def unseen(self) -> dict[str, str]:
+        """Components that the matrices do not tell completely, and what they miss; empty for a complete loop."""
+        return {name: fmu.why for name, fmu in self.fmus.items() if fmu.why}
+
+    @property
     def delays(self) -> tuple[float, float]:
         """Mean delays of the first two channels [s] (local to remote, remote to local); zeros where there are none."""
         means = [bounds[1] for bounds in self.channels.values()] + [0.0, 0.0]
@@ -104,13 +94,13 @@ def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None
 
     mark: where it says which FMU is at work (see cosim.engine.reference.marked).
     """
-    wiring, mark = system.wiring(scenario), marked() if mark is None else mark
-    instances = {instance.name: instance for instance in system.instances(wiring)}
-    initialise(wiring, list(instances.values()), mark)
-    channels, fmus = channel_bounds(wiring), {}
-    for number, name in enumerate(scenario.components):
-        mark[1] = number
-        fmus[name] = _channel(wiring, name) if name in channels else _linear(wiring, name, instances[name])
+    return linear_loop(examine(system.wiring(scenario), system, mark))
+
+
+def linear_loop(found: Examined) -> LinearLoop:
+    """The loop of examined FMUs. Raises InputError where there is none."""
+    wiring, fmus, scenario = found.wiring, found.fmus, found.wiring.scenario
+    channels = channel_bounds(wiring)
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
     if not states:
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))
@@ -137,61 +127,6 @@ def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None
     )
 
 
-def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]]:
-    """For every channel its least, mean and greatest delay [s] and whether it is constant."""
-    return {n: _bounds(wiring, n) for n in wiring.scenario.components if wiring.descriptions[n].model == CHANNEL}
-
-
-def _linear(wiring: Wiring, name: str, instance: Any) -> LinearFmu:
-    variables = wiring.descriptions[name].variables.values()
-    rates = {v.derivative_of: v.name for v in variables if v.derivative_of}
-    inputs = tuple(wiring.inputs(name))
-    outputs = tuple(dict.fromkeys(link.source.variable for link in wiring.links if link.source.component == name))
-    states, slopes = tuple(rates), tuple(rates.values())
-    if not states and not (inputs and outputs):
-        return LinearFmu(
-            (), inputs, outputs, *(np.zeros((len(r), len(c))) for r in ((), outputs) for c in ((), inputs))
-        )
-    knowns, unknowns = states + inputs, slopes + outputs
-    whole = instance.jacobian(unknowns, knowns)
-    if not np.isfinite(whole).all():
-        row, column = np.argwhere(~np.isfinite(whole))[0]
-        raise RunError(
-            name, 0.0, f"the derivative of {unknowns[row]} by {knowns[column]} is not finite at the start pose"
-        )
-    n = len(states)
-    return LinearFmu(states, inputs, outputs, whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
-
-
-def _channel(wiring: Wiring, name: str) -> LinearFmu:
-    """A channel: y = u, w = v; its delay stands in the way, not in the matrix."""
-    inputs = tuple(wiring.inputs(name))
-    outputs = tuple(dict.fromkeys(link.source.variable for link in wiring.links if link.source.component == name))
-    partner = {"y": "u", "w": "v"}
-    through = np.array([[float(partner.get(o[0]) == i[0] and o[1:] == i[1:]) for i in inputs] for o in outputs])
-    through = through.reshape(len(outputs), len(inputs))
-    return LinearFmu(
-        (), inputs, outputs, np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(outputs), 0)), through
-    )
-
-
-def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
-    """Least, mean and greatest delay [s] of a channel, and whether it is constant."""
-
-    def value(key: str) -> float:
-        return wiring.start(name, key)
-
-    law = wiring.descriptions[name].variables["law"].items[int(value("law")) - 1]
-    loses = value("loss_good") > 0 or (value("loss_bad") > 0 and value("loss_to_bad") > 0)
-    if law == "constant":
-        mean = value("delay_mean")
-        return mean, mean, mean if not loses else np.inf, not loses
-    if law == "recorded":
-        return 0.0, value("delay_mean"), np.inf, False
-    low, high = value("delay_min"), value("delay_max")
-    return low, 0.5 * (low + high), high if not loses else np.inf, False
-
-
 class _Paths:
     """Follows signals back to states: each is a sum over ways of a row vector over the states of the system."""
 
@@ -204,7 +139,7 @@ class _Paths:
         self.channels = channels
         age = {str(hop.connection): hop.age for hop in wiring.hops}
         self.sources = {
-            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age))
+            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age), link.gain)
             for link in wiring.links
         }
         self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
@@ -231,9 +166,9 @@ class _Paths:
 
     def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
         if (name, variable) not in self.known:
-            component, output, age = self.sources[f"{name}.{variable}"]
+            component, output, age, gain = self.sources[f"{name}.{variable}"]
             self.known[name, variable] = {
-                Way(round(way.age + age, 12), way.channels): vector
+                Way(round(way.age + age, 12), way.channels): gain * vector
                 for way, vector in self._output(component, output).items()
             }
         return self.known[name, variable]

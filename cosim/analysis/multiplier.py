@@ -146,7 +146,7 @@ class _Programme:
             self.conditions += [form <= 1.0, form >= -1.0, cp.diag(form)[:lifts] <= 0.0]
             for vertex in grid.vertices():
                 whole = np.block([[vertex, np.diag(units)], [np.eye(size - lifts), np.zeros((size - lifts, lifts))]])
-                self.conditions.append(whole.T @ form @ whole + rest - self.margin * np.eye(size) >> 0)
+                self.conditions.append(whole.T @ form @ whole + rest - 0.02 * self.margin * np.eye(size) >> 0)
 
     def add(self, forms: np.ndarray, rests: np.ndarray) -> None:
         """Cuts: sum of <forms, P> + rests rho <= -margin."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 
 @frozen
@@ -29,14 +30,37 @@ def port_passivity(
     (positive realness). State space (n, n), (n, m), (m, n), (m, m); f [N] to dx [m/s]. True for small motion about
     the pose of the linearisation, and on the grid of frequencies [rad/s] only.
     """
-    a, b, c = (np.asarray(part, float) for part in (a, b, c))
-    d = np.zeros((c.shape[0], b.shape[1])) if d is None else np.asarray(d, float)
     grid = np.geomspace(lowest, highest, samples)
-    resolvent = np.linalg.solve(1j * grid[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (samples, *b.shape)))
-    impedance = np.linalg.inv(c @ resolvent + d)
-    least = np.linalg.eigvalsh(0.5 * (impedance + impedance.conj().transpose(0, 2, 1)))[:, 0]
+    impedance = np.linalg.inv(responses(a, b, c, d, grid))
+    least = _least_real(impedance)
     k = int(np.argmin(least))
     scale = np.linalg.norm(impedance[k], 2)
-    roots = np.linalg.eigvals(a).real.max()
+    roots = np.linalg.eigvals(np.asarray(a, float)).real.max()
     passive = bool(least[k] >= -1e-7 * scale and roots <= 1e-6)
     return PortPassivity(passive, float(least[k]), float(grid[k]))
+
+
+def responses(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray | None, frequencies: np.ndarray
+) -> NDArray[np.complex128]:
+    """C (i w I - A)^-1 B + D at frequencies [rad/s], shape (len(w), p, m)."""
+    a, b, c = (np.asarray(part, float) for part in (a, b, c))
+    d = np.zeros((c.shape[0], b.shape[1])) if d is None else np.asarray(d, float)
+    size = len(frequencies)
+    inner = np.linalg.solve(
+        1j * frequencies[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (size, *b.shape)).astype(complex)
+    )
+    return c @ inner + d
+
+
+def dissipates(impedance: np.ndarray, counted: float = 0.0, accuracy: float = 1e-6) -> bool:
+    """Whether an impedance (w, m, m) takes at least `counted` [N s/m] times the squared speed at every frequency.
+
+    `accuracy`: part of the impedance's norm by which its real part may be wrong (linearised by differences).
+    """
+    slack = accuracy * np.linalg.norm(impedance, 2, axis=(1, 2))
+    return bool(np.all(_least_real(impedance) >= counted - slack - 1e-12))
+
+
+def _least_real(impedance: np.ndarray) -> np.ndarray:
+    return np.linalg.eigvalsh(0.5 * (impedance + impedance.conj().transpose(0, 2, 1)))[:, 0]

@@ -13,7 +13,7 @@ from cosim.engine.reference import RunProgress
 from cosim.engine.table import stacked
 from cosim.results.summary import Judged, number, tracking
 from cosim.scenario import Scenario, with_parameters
-from cosim.signals import stem
+from cosim.signals import FmuDescription, stem
 from cosim.wiring import Wiring
 
 _ROWS = 100_000  # that a verdict looks at, at most twice as many
@@ -24,13 +24,19 @@ def twin_of(wiring: Wiring) -> Scenario | None:
     arms = {
         name: len(wiring.descriptions[name].elements("dq_start"))
         for name in wiring.scenario.components
-        if wiring.descriptions[name].elements("dq_start") and wiring.descriptions[name].elements("dq")
+        if wiring.descriptions[name].elements("dq_start") and _observed(wiring.descriptions[name])
     }
     if not arms:
         return None
     changes = perturbation(arms)
     starts = {path: float(wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0)) for path in changes}
     return with_parameters(wiring.scenario, {path: starts[path] + change for path, change in changes.items()})
+
+
+def _observed(description: FmuDescription) -> bool:
+    """Whether the joint rates of an arm can be read."""
+    rates = description.elements("dq")
+    return bool(rates) and set(rates) <= set(description.outputs)
 
 
 def judged_run(
@@ -46,11 +52,18 @@ def judged_run(
     """
     result = simulate(scenario, system, progress, record)
     wiring = system.wiring(scenario)
-    plain = Judged(result, wiring, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted)
+    plain = Judged(
+        _unjudged(result), wiring, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted
+    )
     twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
     if twin is None:
         return plain
     return _with_verdict(plain, simulate(twin, system, progress, _rates(result.signals)))
+
+
+def _unjudged(result: Result) -> Result:
+    """A run that stayed within its bounds, without a verdict: nothing was disturbed yet."""
+    return evolve(result, outcome=Outcome.NOT_JUDGED) if result.outcome is Outcome.BOUNDED else result
 
 
 def verdict_signals(wiring: Wiring) -> list[str]:

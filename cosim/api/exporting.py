@@ -18,11 +18,13 @@ def export(
     *,
     platforms: Iterable[str] | None = None,
     progress: Callable[[str], None] | None = None,
+    enumerations: bool = True,
 ) -> Exported:
     """Write fmi2/MODEL.fmu and fmi3/MODEL.fmu of every model, SCENARIO.ssp, and the system as one FMU.
 
     platforms: FMI 3 names of the binaries' platforms, or "all" (default: this machine); progress: called with what is
-    being done. Raises InputError for an unknown platform, RunError where an FMU cannot be built or a file not written.
+    being done; enumerations: False puts whole numbers in their place, for importers that know none. Raises InputError
+    for an unknown platform, RunError where an FMU cannot be built or a file not written.
     """
     from build_fmus.compiler import PLATFORMS
 
@@ -33,4 +35,4 @@ def export(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with open_system(chosen, progress) as system:
-        return write_export(system.wiring(chosen), folder, wanted, progress)
+        return write_export(system.wiring(chosen), folder, wanted, progress, enumerations)

@@ -72,7 +72,7 @@ class StabilityResult:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page} if report else {}
-        save_files(folder, files | {"stability.json": lambda path: write_json(self.to_dict(), path)})
+        save_files(folder, files | {"stability.json": lambda path: write_json(self.to_dict(), path)}, ["report.html"])
         return folder
 
     def _write_page(self, path: Path) -> Path:
@@ -86,8 +86,11 @@ class StabilityResult:
         rows = _rows(self.comparison)
         width = max(len(name) for name, _ in rows)
         judged = self.comparison.judged
-        head = f"{judged.result.scenario.name}: {judged.outcome.value}; {self.comparison.evidence.meaning}"
-        return "\n".join([head, *(f"  {name:<{width}}  {value}" for name, value in rows)])
+        wrong = self.comparison.contradiction
+        said = f"CONTRADICTION: {wrong}" if wrong else self.comparison.evidence.meaning
+        head = f"{judged.result.scenario.name}: {judged.outcome.value}; {said}"
+        last = [f"warning: {wrong}; trust the simulation, not the guarantee"] if wrong else []
+        return "\n".join([head, *(f"  {name:<{width}}  {value}" for name, value in rows), *last])
 
     def __repr__(self) -> str:
         return f"<StabilityResult {self.comparison.judged.result.scenario.name}: {self.comparison.evidence.value}>"
@@ -103,11 +106,15 @@ def _rows(found: Comparison) -> list[tuple[str, str]]:
         safe = _verdict(t.delay_sum.holds, "guaranteed", "not guaranteed", t.delay_sum.max_delay)
         printed = _verdict(t.sallam_eq10.holds, "satisfied", "not satisfied", t.sallam_eq10.max_delay)
         rows += [("delay-sum condition", safe), ("Sallam Eq. 10 (not sufficient)", printed)]
+    elif t.pair:
+        rows += [("delay-sum condition", f"not given: {t.withheld['delay_sum']}")]
     if t.law_bound is not None:
         rows += [("any law, this plant", _verdict(t.known_mass, "guaranteed", "not guaranteed", t.law_bound))]
     if t.abscissa is not None:
         limit = "" if found.max_delay is None else f", stable to {found.max_delay:.4g} s each way"
         rows += [("spectrum", f"{'unstable' if t.abscissa > 0 else 'stable'}, abscissa {t.abscissa:+.5g} 1/s{limit}")]
+    if "spectrum" in t.withheld:
+        rows += [("spectrum", f"not given: {t.withheld['spectrum']}")]
     rate = "" if judged.growth_rate is None else f", {judged.growth_rate:+.5g} 1/s"
     return [*rows, ("simulation", f"{judged.outcome.value}{rate}"), ("evidence", found.evidence.value)]
 

@@ -169,7 +169,8 @@ class IdentificationResult:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page}
-        save_files(folder, files | {"identification.json": lambda path: write_json(self.to_dict(), path, indent=1)})
+        files["identification.json"] = lambda path: write_json(self.to_dict(), path, indent=1)
+        save_files(folder, files, ["report.html"])
         return folder
 
     def _write_page(self, path: Path) -> Path:

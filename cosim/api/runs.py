@@ -37,22 +37,27 @@ EXPORTS: Mapping[str, Callable[[Result, Path], Path]] = {"csv": export_csv, "mat
 """Further files of a result, by their ending."""
 
 
-def load(scenario: str | Path, effects: str | Path | None = None) -> Scenario:
+def load(scenario: str | Path, effects: str | Path | None = None, *, allow_outside: bool = False) -> Scenario:
     """A shipped scenario by name, or a TOML or SSP file by path; `effects`: an effects.toml of `close_loop` for it.
 
+    allow_outside: whether an SSP may name files outside its archive or folder.
     Raises InputError with every problem found.
     """
-    return load_scenario(scenario, effects=None if effects is None else Path(effects))
+    return load_scenario(scenario, (), None if effects is None else Path(effects), allow_outside)
 
 
 def checked(
-    scenario: str | Path, overrides: Sequence[str] = (), effects: Path | None = None, say: Callable[[str], None] = print
+    scenario: str | Path,
+    overrides: Sequence[str] = (),
+    effects: Path | None = None,
+    say: Callable[[str], None] = print,
+    allow_outside: bool = False,
 ) -> Wiring:
     """The checked wiring of a scenario with `path=value` overrides; FMUs that are missing are built (`say` tells).
 
-    Raises InputError with the problems of the file and those of the wiring together.
+    allow_outside: see `load`. Raises InputError with the problems of the file and those of the wiring together.
     """
-    drafted, problems = draft(scenario, overrides, effects)
+    drafted, problems = draft(scenario, overrides, effects, allow_outside)
     wiring: Wiring | None = None
     found: list[Problem] = []
     if drafted is not None:
@@ -102,8 +107,18 @@ def open_result(folder: str | Path) -> RunResult:
             Problem(str(folder), "a folder with a result.h5 of `cosim run`", "none", "run a scenario first")
         )
     beside = file.with_name("summary.json")
-    found = json.loads(beside.read_text(encoding="utf-8")) if beside.is_file() else {}
-    return RunResult(read_h5(file), found, read_starts(file))
+    return RunResult(read_h5(file), _read_json(beside) if beside.is_file() else {}, read_starts(file))
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    """A summary.json. Raises InputError where it is damaged."""
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(Problem(str(file), "the summary of a run", f"one that is damaged ({error})")) from None
+    if not isinstance(found, dict):
+        raise InputError(Problem(str(file), "the summary of a run", "something else"))
+    return found
 
 
 def _write_page(judged: Judged, path: Path) -> Path:
@@ -195,6 +210,8 @@ class RunResult:
     def save(self, folder: str | Path, *, export: Iterable[str] = (), report: bool = True) -> Path:
         """Write result.h5, report.html and summary.json, the last when all else is there; returns the folder.
 
+        What an earlier run has left there goes first.
+
         export: further files, "csv" or "mat". Raises OSError where a file cannot be written; the others are written.
         """
         folder = Path(folder)
@@ -209,7 +226,7 @@ class RunResult:
         if report and self.judged is not None:
             files["report.html"] = partial(_write_page, self.judged)
         files["summary.json"] = lambda path: write_json(self.summary, path)
-        save_files(folder, files)
+        save_files(folder, files, [f"result.{ending}" for ending in EXPORTS] + ["report.html"])
         return folder
 
     def __str__(self) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,11 +11,13 @@ from typing import TYPE_CHECKING, Any, final
 from attrs import evolve, frozen
 
 from cosim.api.card import card
+from cosim.errors import InputError, Problem
 from cosim.results.files import write_table
 from cosim.results.frames import table_frame
 from cosim.results.saving import save_files, write_json
 from cosim.sweeps.campaign import Campaign, Curve, SweepProgress, first_point, run_sweep, task_of
 from cosim.sweeps.evaluate import check, origin
+from cosim.sweeps.pool import function
 from cosim.sweeps.spec import Sweep, load_sweep
 from cosim.sweeps.table import columns, kernel_replay, summary, units
 
@@ -35,30 +36,56 @@ def sweep(
     folder: str | Path | None = None,
     set: Mapping[str, object] | None = None,
     effects: str | Path | None = None,
+    evaluator: str | Path | None = None,
     progress: Callable[[SweepProgress], None] | None = None,
 ) -> SweepTable:
     """Carry out a batch sweep: every point by twin runs, in worker processes or on a Dask cluster.
 
     workers: processes (default: one a core); dask: address of a scheduler; folder: where what is computed is
     kept, so that the same call goes on after an interruption (default: a temporary one); set: fixed values to change.
-    progress: called with how far the sweep is; `print` will do.
+    evaluator: a Python file of your own, whose function `evaluate(task, points)` gives a result for every point
+    ("FILE.py:function" where it has another name); progress: called with how far the sweep is; `print` will do.
     Raises InputError where the sweep or its scenario is wrong, or `folder` holds another sweep.
     """
-    found = described(spec, set or {}, effects)
+    found = described(spec, set or {}, effects, evaluator)
+    from build_fmus.scratch import workspace
+
     if folder is not None:
         return _carried_out(found, Path(folder), workers, dask, progress)
-    with tempfile.TemporaryDirectory(prefix="cosim-sweep-") as name:
-        return _carried_out(found, Path(name), workers, dask, progress)
+    with workspace() as kept:
+        return _carried_out(found, kept, workers, dask, progress)
 
 
-def described(spec: Sweep | str | Path, changed: Mapping[str, object], effects: str | Path | None = None) -> Sweep:
-    """A shipped sweep by name, or a TOML file by path, with fixed values changed and an effects file.
+def described(
+    spec: Sweep | str | Path,
+    changed: Mapping[str, object],
+    effects: str | Path | None = None,
+    evaluator: str | Path | None = None,
+) -> Sweep:
+    """A shipped sweep by name, or a TOML file by path, with fixed values changed, an effects file, an own evaluator.
 
     Raises InputError with every problem found.
     """
     found = spec if isinstance(spec, Sweep) else load_sweep(str(spec))
     chosen = found.effects if effects is None else str(Path(effects).resolve())
-    return evolve(found, set=dict(found.set) | dict(changed), effects=chosen)
+    own = found.evaluator if evaluator is None else _own(str(evaluator))
+    return evolve(found, set=dict(found.set) | dict(changed), effects=chosen, evaluator=own)
+
+
+def _own(name: str) -> str:
+    """The evaluator of a file, with its full path. Raises InputError where there is none."""
+    file, _, chosen = name.rpartition(":") if ".py:" in name else (name, "", "")
+    path = Path(file).resolve()
+    full = f"{path}:{chosen or 'evaluate'}"
+    try:
+        if path.suffix == ".py" and path.is_file() and callable(function(full)):
+            return full
+        problem = Problem("evaluator", "a Python file", repr(file))
+    except AttributeError:
+        problem = Problem(str(path), f"a function {chosen or 'evaluate'}(task, points)", "none of that name")
+    except Exception as error:  # noqa: BLE001 - whatever a file of the user's raises when it is loaded
+        problem = Problem(str(path), "a Python file that can be loaded", f"{type(error).__name__}: {error}")
+    raise InputError(problem)
 
 
 def how(spec: Sweep) -> str:
@@ -106,6 +133,16 @@ class SweepTable:
         return self.summary["boundary"]
 
     @property
+    def failure(self) -> str | None:
+        """Why there is no result at all: the words of the first point, where every point failed."""
+        return self.campaign.failure
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was odd: lines of the journal that were damaged."""
+        return self.campaign.warnings
+
+    @property
     def columns(self) -> dict[str, list[Any]]:
         """The table by columns: axes, outcome, growth_rate, evidence, replay, ..."""
         return columns(self.campaign)
@@ -134,7 +171,7 @@ class SweepTable:
         }
         if report:
             files["report.html"] = self._write_page
-        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)})
+        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)}, ["report.html"])
         return folder
 
     def _write_page(self, path: Path) -> Path:

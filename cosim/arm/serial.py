@@ -4,6 +4,7 @@ The FMU SerialArm holds the same table; the equations stand in C (fmu_src/Serial
 `serial_kinematics` and `serial_dynamics`.
 """
 
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
@@ -79,7 +80,7 @@ class SerialModel:
         return np.random.default_rng(seed).uniform(low, high, (count, self.count))
 
 
-def turn(rpy) -> np.ndarray:
+def turn(rpy: Sequence[float] | np.ndarray) -> np.ndarray:
     """R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3), URDF's convention."""
     (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
     return np.array(

@@ -7,11 +7,16 @@ A module `cosim/cli/<name>.py` (dashes as underscores) defines `command(...)` wi
 import atexit
 import gc
 import os
+import stat
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import wraps
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
+
+from cosim.cli.streams import open_streams, stop_when_told
 
 if TYPE_CHECKING:
     import typer
@@ -27,7 +32,9 @@ COMMANDS = {
     "close-loop": "residual, missing effect, effect added, error before and after",
     "arm": "the arm itself: workspace, dissect, counterbalance",
     "robot": "any serial arm from its URDF: FMU, robot.json, report.html",
+    "fmu": "what an FMU holds and needs",
     "export": "FMUs and the wired system for other tools",
+    "cache": "what is kept between runs: list, clean",
 }
 
 
@@ -37,6 +44,8 @@ _REPEATED = ("--test", "--platform")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
+    open_streams()
+    stop_when_told()
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # numpy reads it; our matrices are small, a second thread only waits
@@ -50,10 +59,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words in (["--version"], ["-V"]):
         print(_version())
         sys.exit(0)
+    _refuse_devices(words)
     try:
         _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
     except KeyboardInterrupt:  # while modules are still being imported
         _interrupted()
+
+
+def _refuse_devices(words: Sequence[str]) -> None:
+    """A pipe or a device named in place of a file would be waited for, or read for ever."""
+    for word in words:
+        with suppress(OSError, ValueError):
+            mode = Path(word.rpartition("=")[2] if word.startswith("--") else word).stat().st_mode
+            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+                from cosim.errors import InputError, Problem
+
+                _leave(InputError(Problem(word, "a file", "a device or a pipe", "write it to a file first")), 2)
 
 
 def _repeated(words: list[str]) -> list[str]:
@@ -107,12 +128,16 @@ def _register(app: "typer.Typer", name: str, debug: bool) -> None:
 
 def guarded(function: Callable[..., object], debug: bool) -> Callable[..., object]:
     """The command with its exceptions as messages and exit codes; tracebacks pass only with `debug`."""
-    from cosim.errors import InputError, RunError
+    from cosim.errors import InputError, Problem, RunError
 
     @wraps(function)
     def command(*args, **options):
         try:
             return function(*args, **options)
+        except RecursionError:
+            if debug:
+                raise
+            _leave(InputError(Problem("a file", "less than a thousand lists in one another", "more")), 2)
         except Exception as error:
             if debug:
                 raise
@@ -130,18 +155,19 @@ def _interrupted() -> NoReturn:
 
 def _leave(error: Exception, code: int) -> NoReturn:
     """One message on stderr, then out: the words of our own errors, the kind of the others."""
+    from build_fmus.errors import BuildError
     from cosim.errors import InputError, RunError
 
-    if isinstance(error, BrokenPipeError):  # who read us has seen enough (`cosim list | head`)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    elif isinstance(error, InputError):
+    if isinstance(error, InputError):
         count = len(error.problems)
         print(f"{count} problem{'s' if count != 1 else ''} in the input:", file=sys.stderr)
         print("\n".join(f"  {problem}" for problem in error.problems), file=sys.stderr)
     elif isinstance(error, ModuleNotFoundError):
         print(f"error: this command needs {error.name}, which is not installed", file=sys.stderr)
-    elif isinstance(error, (RunError, OSError)):
+    elif isinstance(error, (RunError, BuildError, OSError)):
         print(f"error: {error}", file=sys.stderr)
+    elif isinstance(error, MemoryError):
+        print(f"error: not enough memory{f': {error}' if str(error) else ''}; take less data", file=sys.stderr)
     else:
         print(f"internal error: {type(error).__name__}: {error} (--debug shows where)", file=sys.stderr)
     sys.exit(code)

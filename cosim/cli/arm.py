@@ -14,7 +14,7 @@ from cosim.errors import InputError, Problem, did_you_mean
 from cosim.report import arm as sections
 from cosim.report.html import Report, write_report
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
+app: typer.Typer = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
 
 SetOption = Annotated[str, typer.Option("--parameters", help=f"parameter set: {', '.join(SET_NAMES)}")]
 MountingOption = Annotated[

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from cosim.cli.run import DEMONSTRATION
+from cosim.cli.run import DEMONSTRATION, OUTSIDE
 
 
 def command(
@@ -19,14 +19,22 @@ def command(
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     out: Annotated[Path, typer.Option(help="folder to write to")] = Path("export"),
+    enumerations: Annotated[
+        bool, typer.Option("--enumerations/--no-enumerations", help="whole numbers in place of enumerations (Maestro)")
+    ] = True,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
     import cosim
     from cosim.cli.folder import made
     from cosim.cli.run import prepare
 
-    chosen = prepare(scenario, set_ or [], effects).scenario
-    written = cosim.export(chosen, made(out), platforms=platform, progress=lambda text: print(text, file=sys.stderr))
+    chosen = prepare(scenario, set_ or [], effects, allow_outside).scenario
+    written = cosim.export(chosen, made(out), platforms=platform, progress=_say, enumerations=enumerations)
     print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {out / 'fmi2'} and {out / 'fmi3'}")
     print(f"{written.ssp}: the wired system (SSP 1.0)")
     print("\n".join(f"{path}: the wired system as one FMU" for path in written.containers))
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

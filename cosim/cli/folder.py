@@ -1,10 +1,16 @@
-"""The folder that a command writes to: made and tried before anything is computed."""
+"""The folder that a command writes to: chosen, made and tried before anything is computed."""
 
+import re
 import tempfile
 from pathlib import Path
 
 from cosim.errors import InputError, Problem
 from cosim.results.saving import reason
+
+
+def named(name: str) -> Path:
+    """The folder in `results` for something of that name; no name leads out of it."""
+    return Path("results") / (re.sub(r"[^\w .+=,@()-]", "_", name).strip(" .")[:200] or "unnamed")
 
 
 def made(folder: Path) -> Path:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cosim.wiring import Wiring
 
 DEMONSTRATION = "sallam-stable"
+OUTSIDE = "let an SSP name files outside its archive or folder"
 
 
 class ExportFormat(StrEnum):
@@ -33,15 +34,18 @@ def command(
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     export: Annotated[list[ExportFormat] | None, typer.Option(help="also write result.csv or result.mat")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """One co-simulation: summary.json, result.h5, report.html."""
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
 
-    chosen = prepare(scenario, set_ or [], effects).scenario
-    folder = made(out or Path("results") / chosen.name)
+    chosen = prepare(scenario, set_ or [], effects, allow_outside).scenario
+    folder = made(out or named(chosen.name))
     with RunMeter(chosen.name) as progress:
         result = cosim.run(chosen, progress=progress)
+    for message in result.raw.messages:
+        _say(f"warning: {message}")
     try:
         result.save(folder, export=[kind.value for kind in export or ()], report=report)
     finally:
@@ -53,11 +57,11 @@ def command(
         sys.exit(130)
 
 
-def prepare(name: str, overrides: list[str], effects: Path | None) -> "Wiring":
+def prepare(name: str, overrides: list[str], effects: Path | None, allow_outside: bool = False) -> "Wiring":
     """The checked wiring of a scenario; its warnings are printed. Raises InputError with every problem found."""
     from cosim.api.runs import checked
 
-    wiring = checked(name, overrides, effects, _say)
+    wiring = checked(name, overrides, effects, _say, allow_outside)
     for warning in wiring.warnings:
         _say(f"warning: {warning}")
     return wiring
@@ -74,7 +78,7 @@ class RunMeter:
         self.name = name
         self.bar: Any = None
         self.task: Any = None
-        self.last = 0
+        self.last: int = 0
 
     def __enter__(self) -> "Callable[[RunProgress], None] | None":
         if not sys.stderr.isatty():

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.cli.run import OUTSIDE
+
 if TYPE_CHECKING:
     from cosim.scenario import Scenario
     from cosim.signals import Variable
@@ -17,11 +19,12 @@ def command(
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """Wiring, units, delay added by each connection, step sizes; runs nothing."""
     from cosim.cli.run import prepare
 
-    print("\n".join(_lines(prepare(scenario, set_ or [], effects))))
+    print("\n".join(_lines(prepare(scenario, set_ or [], effects, allow_outside))))
 
 
 def _lines(wiring: "Wiring") -> list[str]:
@@ -81,7 +84,7 @@ def _starts(wiring: "Wiring", name: str) -> str:
 
 def _values(variable: "Variable", values: list[float | str]) -> str:
     if variable.items:
-        return variable.items[int(values[0]) - 1]
+        return variable.item(values[0])
     texts = [f"{v:g}" if isinstance(v, (int, float)) else str(v) for v in values]
     text = texts[0] if len(set(texts)) == 1 else "(" + " ".join(texts) + ")"
     return f"{text} {variable.unit.name}".rstrip() if variable.unit.name != "1" else text

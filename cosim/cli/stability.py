@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from cosim.cli.run import OUTSIDE
+
 
 def command(
     scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")],
@@ -20,14 +22,15 @@ def command(
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html."""
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
     from cosim.cli.run import RunMeter, prepare
 
-    chosen, angles = prepare(scenario, set_ or [], effects).scenario, _pose(pose)
-    folder = made(out or Path("results") / f"{chosen.name}-stability")
+    chosen, angles = prepare(scenario, set_ or [], effects, allow_outside).scenario, _pose(pose)
+    folder = made(out or named(f"{chosen.name}-stability"))
     with RunMeter(chosen.name) as progress:
         found = cosim.stability(chosen, pose=angles, progress=progress)
     found.save(folder, report=report)

@@ -25,16 +25,20 @@ def command(
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a fixed value; may be repeated")
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
+    evaluator: Annotated[
+        str | None,
+        typer.Option(metavar="FILE.py", help="own evaluate(task, points); FILE.py:NAME for another function"),
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
     import cosim
     from cosim.api.sweeping import described, how
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
     from cosim.scenario import parse_override
 
-    chosen = described(spec, dict(parse_override(text) for text in set_ or ()), effects)
-    folder = made(out or Path("results") / chosen.name)
+    chosen = described(spec, dict(parse_override(text) for text in set_ or ()), effects, evaluator)
+    folder = made(out or named(chosen.name))
     print(f"{chosen.name}: {how(chosen)}", file=sys.stderr)
     try:
         with _PointsMeter(chosen.name) as progress:
@@ -43,8 +47,13 @@ def command(
         kept = f"what was computed is kept in {folder}: run the same command again to go on"
         print(f"interrupted; {kept}", file=sys.stderr)
         sys.exit(130)
+    for warning in table.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     table.save(folder, report=report)
     print(f"{table}\nwritten to  {folder}")
+    if table.failure is not None:
+        print(f"error: every point failed; the first: {table.failure}", file=sys.stderr)
+        sys.exit(1)
 
 
 class _PointsMeter:

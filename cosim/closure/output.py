@@ -9,6 +9,7 @@ from cosim.closure import effects_file
 from cosim.closure.closure import Closure
 from cosim.closure.document import answer
 from cosim.closure.drive import drive_of, effects_drive, stepped
+from cosim.results.saving import write_text
 
 USUAL_STEP = 1e-3  # s, communication step of the shipped scenarios
 
@@ -21,6 +22,8 @@ def write(closure: Closure, folder: Path | str) -> Closure:
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    for name in ("report.html", "closure.json", "effects.toml"):  # of an earlier recording: never beside this one's
+        (folder / name).unlink(missing_ok=True)
     closure = _runnable(closure)
     _write_texts(closure, folder)
     try:
@@ -40,12 +43,12 @@ def _write_texts(closure: Closure, folder: Path) -> None:
     source = ", ".join(closure.recording.files)
     model = effects_drive(closure.recording.device).model
     text = effects_file.text(closure.verdict.findings, model, closure.effect_values, source)
-    (folder / "effects.toml").write_text(text, encoding="utf-8")
+    write_text(text, folder / "effects.toml")
 
 
 def _write_answer(closure: Closure, folder: Path, fmus: list[str]) -> None:
     text = json.dumps(answer(closure) | {"fmu": fmus}, indent=1, allow_nan=False)
-    (folder / "closure.json").write_text(text, encoding="utf-8")
+    write_text(text, folder / "closure.json")
 
 
 def _runnable(closure: Closure) -> Closure:

@@ -13,7 +13,6 @@ that the replay already has (`without_hold`).
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
@@ -202,10 +201,11 @@ def _compared(
     drive: Drive, path: _ReplayedRun, before: Mapping[str, StartValue], after: Mapping[str, StartValue]
 ) -> _Compared:
     """Both models through one run, each by itself."""
+    from build_fmus.scratch import workspace
     from cosim.fmu import open_system
 
-    with tempfile.TemporaryDirectory(prefix="cosim-replay-") as folder:
-        scenario = experiment(drive, path, Path(folder))
+    with workspace() as folder:
+        scenario = experiment(drive, path, folder)
         with open_system(scenario) as system:
             first, second = (_played(scenario, system, path, values) for values in (before, after))
             return _Compared(path, first, second)

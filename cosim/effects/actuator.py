@@ -32,8 +32,8 @@ class Late(Effect):
     sharp = False
     dynamic = True
     late = True
-    least = 0.2
-    slack = 1.0
+    least: float = 0.2
+    slack: float = 1.0
     needs = "fast excitation"
 
     def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
@@ -78,8 +78,8 @@ class ActuatorLag(Late):
     title = "actuator lag"
     equation = "T d(tau)/dt = u - tau"
     source = "electrical time constant of motor and amplifier"
-    aliases = (Alias("time_delay", _FAST, always=True), *_BEHIND)
-    relatives = ("time_delay", "joint_elasticity")
+    aliases: tuple[Alias, ...] = (Alias("time_delay", _FAST, always=True), *_BEHIND)
+    relatives: tuple[str, ...] = ("time_delay", "joint_elasticity")
 
     def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         from scipy.signal import bilinear, lfilter, lfilter_zi
@@ -96,8 +96,8 @@ class TimeDelay(Late):
     title = "time delay of the torque"
     equation = "tau(t) = u(t - d)"
     source = "bus, sampling and computing time"
-    aliases = (Alias("actuator_lag", _FAST, always=True), *_BEHIND)
-    relatives = ("actuator_lag", "backlash")
+    aliases: tuple[Alias, ...] = (Alias("actuator_lag", _FAST, always=True), *_BEHIND)
+    relatives: tuple[str, ...] = ("actuator_lag", "backlash")
 
     def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
         return motion.advanced(torque, -theta[0], order=3)
@@ -114,7 +114,7 @@ class TorqueGain(Effect):
     unit = "1"
     sharp = False
     dynamic = True
-    aliases = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
+    aliases: tuple[Alias, ...] = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise the gain is absorbed in the parameters"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -144,7 +144,7 @@ class TorqueSaturation(Effect):
     title = "torque saturation"
     equation = "tau = clip(u, -L, L), so u = p + (u - clip(u, -L, L))"
     source = "current limit of the amplifier"
-    aliases = ()
+    aliases: tuple[Alias, ...] = ()
     needs = "commands beyond the limit"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
@@ -190,7 +190,7 @@ class TorqueDeadband(Effect):
     title = "dead band of the torque"
     equation = "tau = u - clip(u, -d, d), so u = p + clip(u, -d, d)"
     source = "amplifier, valve or brush"
-    aliases = (Alias("load_friction", "torque at rest, both signs"),)
+    aliases: tuple[Alias, ...] = (Alias("load_friction", "torque at rest, both signs"),)
     needs = "commands that change sign while the joint moves"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:

@@ -21,7 +21,7 @@ class LoadFriction(Effect):
     source = "Hamon, Gautier, Garrec, Janot 2010, AIM; capstan equation for cables"
     unit = "1"
     dynamic = True
-    aliases = (Alias("position_friction", "the same angles under another load"),)
+    aliases: tuple[Alias, ...] = (Alias("position_friction", "the same angles under another load"),)
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: np.abs(scene.prediction[:, joints]) * scene.sign[:, joints]}

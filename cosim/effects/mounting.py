@@ -24,7 +24,7 @@ class BaseTilt(Effect):
     unit = "rad"
     sharp = False
     dynamic = True
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias("encoder_offset", "a wide range of q1"),
         Alias("torque_offset", "a wide range of q1"),
         Alias("position_torque", "a wide range of q1"),
@@ -64,7 +64,7 @@ class EncoderOffset(Effect):
     unit = "rad"
     sharp = False
     dynamic = True
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias("base_tilt", "a wide range of q1"),
         Alias("torque_offset", "a wide range of the joint, or a mechanical reference of its zero"),
         Alias("position_torque", "a mechanical reference of its zero"),
@@ -100,7 +100,7 @@ class Payload(Effect):
     source = "point mass: PHYSICS section 1"
     unit = "kg"
     sharp = False
-    aliases = (Alias("torque_gain", "gravity held at rest in two poses, a known mass"),)
+    aliases: tuple[Alias, ...] = (Alias("torque_gain", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise it is absorbed in them"
 
     def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:

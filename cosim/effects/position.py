@@ -18,9 +18,9 @@ class PositionFriction(Effect):
     amplitude = True
     title = "Coulomb friction that depends on the angle"
     equation = "tau += (a sin q + b cos q) s(dq)"
-    signals = ("q", "dq")
+    signals: tuple[str, ...] = ("q", "dq")
     source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
-    aliases = (Alias("load_friction", "the same angles under another load"),)
+    aliases: tuple[Alias, ...] = (Alias("load_friction", "the same angles under another load"),)
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         q, s = scene.motion.q[:, joints], scene.sign[:, joints]
@@ -47,11 +47,11 @@ class PositionTorque(Effect):
     name = "position_torque"
     title = "torque that depends on the angle"
     equation = "tau += k q (+ k3 q^3), or + k q + k2 q^2 (+ k3 q^3), or + a sin q + b cos q"
-    signals = ("q",)
+    signals: tuple[str, ...] = ("q",)
     source = "Taati et al. 2008, section 4.2 (counterbalance); cable harness"
     unit = "N.m/rad"
     sharp = False
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
         Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
         Alias("torque_offset", "a wider range of the joint"),
@@ -100,9 +100,9 @@ class TorqueRipple(Effect):
     amplitude = True
     title = "torque ripple"
     equation = "tau += a sin(n q) + b cos(n q), n cycles a turn of the joint"
-    signals = ("q",)
+    signals: tuple[str, ...] = ("q",)
     source = "Holtz, Springob 1996, IEEE Trans. Ind. Electronics 43(2)"
-    aliases = (Alias("position_torque", "finer steps of angle, slowly"),)
+    aliases: tuple[Alias, ...] = (Alias("position_torque", "finer steps of angle, slowly"),)
     needs = "speeds low enough for the filter to pass the ripple"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
@@ -155,13 +155,13 @@ class Hysteresis(Effect):
     name = "hysteresis"
     title = "hysteresis (presliding, cable)"
     equation = "tau += h z, dz/dt = dq (1 - z sgn(dq)) / length, or z = sum w_k z_k of elasto-plastic elements, h > 0"
-    signals = ("history of q",)
+    signals: tuple[str, ...] = ("history of q",)
     source = "Dahl 1968, TOR-158(3107-18); Iwan 1966, J. Appl. Mech. 33(4); Al-Bender, Lampaert, Swevers 2005"
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
     )
-    relatives = ("joint_elasticity", "backlash")
+    relatives: tuple[str, ...] = ("joint_elasticity", "backlash")
     FIRST, RATIOS = (2.0, 0.2), (1.2, 8.0)  # ratio and tilt at which the search begins, least and largest ratio
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:

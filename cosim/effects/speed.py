@@ -22,7 +22,7 @@ class TorqueOffset(Effect):
     title = "constant torque offset"
     equation = "tau += offset"
     source = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems 27(5)"
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias(
             "coulomb_asymmetry",
             "nothing in motion data: hold the arm still and creep in both directions, or turn it over",
@@ -45,9 +45,9 @@ class CoulombAsymmetry(Effect):
     name = "coulomb_asymmetry"
     title = "Coulomb friction that depends on the direction"
     equation = "tau += a s(dq)^2"
-    signals = ("dq",)
+    signals: tuple[str, ...] = ("dq",)
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias(
             "torque_offset",
             "nothing in motion data: hold the arm still and creep in both directions, or turn it over",
@@ -75,10 +75,10 @@ class ViscousAsymmetry(Effect):
     name = "viscous_asymmetry"
     title = "viscous friction that depends on the direction"
     equation = "tau += a |dq|"
-    signals = ("dq",)
+    signals: tuple[str, ...] = ("dq",)
     source = "Janot, Gautier, Brunot 2019, EMPS reference models"
     unit = "N.m.s/rad"
-    aliases = (Alias("torque_offset", "both directions at clearly different speeds"),)
+    aliases: tuple[Alias, ...] = (Alias("torque_offset", "both directions at clearly different speeds"),)
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return {joints[0]: np.abs(scene.motion.dq[:, joints])}
@@ -93,9 +93,9 @@ class Stribeck(Effect):
     name = "stribeck"
     title = "Stribeck friction"
     equation = "tau += a exp(-(|dq| / v)^d) s(dq), a > 0"
-    signals = ("dq",)
+    signals: tuple[str, ...] = ("dq",)
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), Eq. 8"
-    aliases = (
+    aliases: tuple[Alias, ...] = (
         Alias(
             "hysteresis", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"
         ),
@@ -155,10 +155,10 @@ class QuadraticDrag(Effect):
     name = "quadratic_drag"
     title = "quadratic drag"
     equation = "tau += c dq |dq|, c > 0"
-    signals = ("dq",)
+    signals: tuple[str, ...] = ("dq",)
     source = "aerodynamic or churning loss"
     unit = "N.m.s2/rad2"
-    aliases = (Alias("stribeck", "speeds above 3 rad/s"),)
+    aliases: tuple[Alias, ...] = (Alias("stribeck", "speeds above 3 rad/s"),)
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         dq = scene.motion.dq[:, joints]

@@ -29,8 +29,8 @@ class FrictionDrift(Effect):
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"
     unit = "1/s"
     # of the initial slope: for the same growth, half or twice T changes it by a quarter either way
-    form = 0.12
-    aliases = ()
+    form: float = 0.12
+    aliases: tuple[Alias, ...] = ()
     needs = "repeats of the same motion at different times"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -83,12 +83,12 @@ class ExternalContact(Effect):
     name = "external_contact"
     # on simulated arms without noise both parameters err by less than half of that: the form of the friction law
     # hardly matters for a wall
-    form = 0.01
+    form: float = 0.01
     title = "undeclared contact of the tip"
     equation = "tau += J^T n max(k (n.x - d) + c n.dx, 0) where n.x > d, k > 0"
     source = "unilateral spring"
     unit = "N/m"
-    aliases = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
+    aliases: tuple[Alias, ...] = (Alias("position_torque", "the same angles with the other joints elsewhere"),)
     needs = "recorded tip force, or a contact that is entered and left several times"
 
     def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
@@ -166,11 +166,11 @@ class JointCoupling(Effect):
     """
 
     name = "joint_coupling"
-    form = 0.005  # the joint's own law of friction has little in common with the speed of another joint
+    form: float = 0.005  # the joint's own law of friction has little in common with the speed of another joint
     title = "coupling from another joint"
     equation = "tau_i += b dq_j + c s(dq_j), or k q_j"
     source = "cable routing, coupled wrist drives"
-    aliases = ()
+    aliases: tuple[Alias, ...] = ()
     needs = "the other joint's motion"
     SHAPES = ("viscous", "coulomb", "both", "spring")
     WIDTHS = (

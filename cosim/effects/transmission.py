@@ -60,11 +60,11 @@ class JointElasticity(Effect):
     source = "Spong 1987, J. Dyn. Sys. Meas. Control 109"
     unit = "1"
     smooths = True
-    form = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
+    form: float = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
     sharp = False
     dynamic = True
-    aliases = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
-    relatives = ("backlash", "actuator_lag")
+    aliases: tuple[Alias, ...] = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
+    relatives: tuple[str, ...] = ("backlash", "actuator_lag")
     needs = "fast excitation, or gravity that changes with the angle"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -149,8 +149,12 @@ class Backlash(JointElasticity):
     equation = "|q_motor - q_link| <= gap / 2: the link moves freely; beyond: as an elastic joint"
     source = "Nordin, Gutman 2002, Automatica 38(10)"
     sharp = True
-    aliases = (Alias("joint_elasticity", _OTHER), Alias("hysteresis", _OTHER), Alias("time_delay", _OTHER))
-    relatives = ("joint_elasticity", "time_delay")
+    aliases: tuple[Alias, ...] = (
+        Alias("joint_elasticity", _OTHER),
+        Alias("hysteresis", _OTHER),
+        Alias("time_delay", _OTHER),
+    )
+    relatives: tuple[str, ...] = ("joint_elasticity", "time_delay")
     needs = "a transmitted torque that changes sign"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:

@@ -12,17 +12,19 @@ Components that exchange other types than doubles, or that are no FMUs, are left
 from __future__ import annotations
 
 import ctypes
+import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_void_p
 from functools import cache
 from typing import cast
 
 import numpy as np
 
-from cosim.engine.initialisation import initial_sources, wired
+from cosim.engine.initialisation import InitialInputs, initial_sources, strangers, wired
 from cosim.engine.initialisation import initialise as initialise_in_python
-from cosim.engine.native import Arena
+from cosim.engine.native import Arena, NativeOperation, NativePhase, check_layout
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, RunProgress, blamed, interrupted, keep, marked, watched
 from cosim.engine.reference import execute as execute_in_python
@@ -64,6 +66,7 @@ class _NativeInstance(ctypes.Structure):
         ("terminate", c_void_p),
         ("early", c_void_p),
         ("reached", c_void_p),
+        ("strange", c_int64),
     ]
 
 
@@ -82,6 +85,11 @@ class _NativeStart(ctypes.Structure):
         ("n_banks", c_int64),
         ("source", c_void_p),
         ("fresh", c_int64),
+        ("scaled", c_void_p),
+        ("gain", c_void_p),
+        ("shift", c_void_p),
+        ("tolerance", c_double),
+        ("stop", c_double),
     ]
 
 
@@ -97,7 +105,7 @@ class _NativeExecution(ctypes.Structure):
         ("every", c_int64),
         ("row_start", c_int64),
         ("step_ns", c_double),
-        ("bound", c_double),
+        ("bounds", c_void_p),
         ("domain", c_void_p),
         ("n_domain", c_int64),
         ("mark", c_void_p),
@@ -114,7 +122,16 @@ def _library():
 
 
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
-    """A compiled fmu_src/executor with the types of its functions."""
+    """A compiled fmu_src/executor with the types of its functions. Raises ImportError where its structs are others."""
+    mirrors = {
+        "Operation": NativeOperation,
+        "Phase": NativePhase,
+        "Instance": _NativeInstance,
+        "Bank": _NativeBank,
+        "Start": _NativeStart,
+        "Job": _NativeExecution,
+    }
+    check_layout(library, mirrors)
     library.execute.argtypes = [POINTER(_NativeExecution), c_int64]
     library.initialise.argtypes = [POINTER(_NativeExecution), c_void_p, c_int64]
     library.execute.restype = library.initialise.restype = c_int
@@ -123,7 +140,16 @@ def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
 
 def applies(instances: Sequence[Instance]) -> bool:
     """Whether every component is an FMU that exchanges doubles only (asked when they are wired)."""
-    return all(isinstance(s, FmuInstance) and all(bank.shared for bank in s.setters + s.getters) for s in instances)
+    return all(isinstance(s, FmuInstance) and _plain(s) for s in instances)
+
+
+def _plain(instance: FmuInstance) -> bool:
+    """Whether an FMU exchanges doubles only, has no arrays, and has the functions that the loop in C calls."""
+    variables = instance.description.variables.values()
+    structured = instance.description.arrays or any(v.causality == "structuralParameter" for v in variables)
+    needed = ["Reset", "SetupExperiment"] if isinstance(instance, Fmi2Instance) else ["Reset"]
+    banks = instance.setters + instance.getters
+    return not structured and all(map(instance.has, needed)) and all(bank.shared for bank in banks)
 
 
 def _as_fmus(instances: Sequence[Instance]) -> Sequence[FmuInstance]:
@@ -139,10 +165,10 @@ class _Begin:
 
     def __init__(self, wiring: Wiring, instances: Sequence[FmuInstance]) -> None:
         schedule = wiring.schedule
-        self.instances, self.arena = instances, Arena()
+        self.instances, self.arena, strange = instances, Arena(), strangers(wiring)
         self.store = np.zeros(2 * schedule.outputs)
         natives = (_NativeInstance * len(instances))(
-            *[_native(s, o, self.arena) for s, o in zip(instances, schedule.offset)]
+            *[_native(s, o, self.arena, k in strange) for k, (s, o) in enumerate(zip(instances, schedule.offset))]
         )
         self.job = _NativeExecution(
             instances=self.arena.structures(natives), store=self.arena.array(self.store), n_outputs=schedule.outputs
@@ -152,9 +178,12 @@ class _Begin:
             self._fill(start, instance, source)
         self.values: list[_StartValues | None] = [None] * len(instances)
 
-    def _fill(self, start: _NativeStart, instance: FmuInstance, source: np.ndarray) -> None:
+    def _fill(self, start: _NativeStart, instance: FmuInstance, source: InitialInputs) -> None:
         start.reset, start.leave = instance.address("Reset"), instance.address("ExitInitializationMode")
-        start.source = self.arena.indices(source)
+        start.source, start.scaled = self.arena.indices(source.places), self.arena.indices(source.scaled)
+        start.gain, start.shift = self.arena.array(source.gain), self.arena.array(source.shift)
+        settings = instance.settings
+        start.tolerance, start.stop = (math.nan if v is None else v for v in (settings.tolerance, settings.stop))
         if isinstance(instance, Fmi2Instance):
             start.setup2, start.enter2 = (
                 instance.address("SetupExperiment"),
@@ -207,7 +236,7 @@ class _StartValues:
         self.given = values
 
 
-def _native(instance: FmuInstance, offset: int, arena: Arena) -> _NativeInstance:
+def _native(instance: FmuInstance, offset: int, arena: Arena, strange: bool) -> _NativeInstance:
     native = _NativeInstance(
         instance=instance.component,
         input_refs=arena.structures(instance.references(instance.input_names)),
@@ -221,6 +250,7 @@ def _native(instance: FmuInstance, offset: int, arena: Arena) -> _NativeInstance
         n_slopes=len(instance.slopes),
         n_outputs=len(instance.outputs),
         offset=offset,
+        strange=strange,
     )
     if isinstance(instance, Fmi2Instance):
         native.set2, native.get2 = instance.address("SetReal"), instance.address("GetReal")
@@ -242,7 +272,10 @@ class _CompiledLoop:
     def __init__(self, job: Execution) -> None:
         self.arena, self.store = Arena(), job.store
         instances = (_NativeInstance * len(job.instances))(
-            *[_native(instance, at, self.arena) for instance, at in zip(_as_fmus(job.instances), job.schedule.offset)]
+            *[
+                _native(instance, at, self.arena, k in job.strange)
+                for k, (instance, at) in enumerate(zip(_as_fmus(job.instances), job.schedule.offset))
+            ]
         )
         for component in job.schedule.remembered:
             instances[component].remembered = 1
@@ -258,7 +291,7 @@ class _CompiledLoop:
             job.every,
             0,
             job.schedule.step_ns,
-            job.watch.bound,
+            self.arena.array(np.ascontiguousarray(job.watch.bounds)),
             self.arena.indices(job.watch.domain),
             len(job.watch.domain),
             None,
@@ -346,7 +379,7 @@ class CompiledExecutor:
         """
         if self.applies is None:
             wired(wiring, instances)
-            self.applies = applies(instances)
+            self.applies = applies(instances) and not any(link.text for link in wiring.links)
         mark = marked() if mark is None else mark
         if self.applies:
             self.begin = self.begin or _Begin(wiring, _as_fmus(instances))
@@ -357,7 +390,7 @@ class CompiledExecutor:
     def __call__(self, job: Execution, progress: Callable[[RunProgress], None] | None = None) -> Ending:
         """Run the schedule."""
         if self.applies is None:
-            self.applies = applies(job.instances)
+            self.applies = applies(job.instances) and not job.carriers
         if not self.applies:
             return execute_in_python(job, progress)
         ending = watched(job, 0)
@@ -366,4 +399,18 @@ class CompiledExecutor:
             return ending
         if self.loop is None or self.loop.store is not job.store:
             self.loop = _CompiledLoop(job)
-        return self.loop.run(job, progress)
+        with _clocked(job):
+            return self.loop.run(job, progress)
+
+
+@contextmanager
+def _clocked(job: Execution) -> Iterator[None]:
+    """While C calls the FMUs, the mark tells their loggers the time."""
+    instances = _as_fmus(job.instances)
+    for instance in instances:
+        instance.clock = lambda: seconds(int(job.mark[0]), job.schedule.step_ns)
+    try:
+        yield
+    finally:
+        for instance in instances:
+            instance.clock = None

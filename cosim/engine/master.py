@@ -15,15 +15,19 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.engine.compiled import CompiledExecutor
-from cosim.engine.initialisation import initialise
+from cosim.engine.initialisation import initialise, strangers
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, Executor, RunProgress, Watch, marked
+from cosim.engine.rounding import kept
 from cosim.engine.table import SignalColumns, SignalTable, stacked
+from cosim.engine.texts import text_carriers
 from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.fmu.contract import Instance
+from cosim.fmu.messages import FmuMessage
 from cosim.scenario import Scenario
 from cosim.signals import stem
 from cosim.wiring import Wiring
+from cosim.wiring.bounds import bounds, usual_sizes
 from cosim.wiring.schedule import seconds
 
 
@@ -43,7 +47,7 @@ class Result:
     """A run that was made. It ends early where the outcome says so; a run that fails or is interrupted keeps its rows.
 
     time: (n,) [s]; signals: name -> (n,) values, `arm_l.q[1]`; units: name -> unit; stopped_at: time of an early end
-    [s]; failure: the error that ended it.
+    [s]; failure: the error that ended it; messages: what FMUs said, each message once.
     """
 
     scenario: Scenario
@@ -57,6 +61,7 @@ class Result:
     fmus: tuple[Identity, ...] = ()
     failure: RunError | None = None
     interrupted: bool = False
+    messages: tuple[FmuMessage, ...] = ()
 
     def vector(self, name: str) -> np.ndarray:
         """A signal of several elements as (n, size): `arm_l.x`; a scalar one as (n, 1)."""
@@ -126,17 +131,19 @@ class PreparedRun:
     timetable: Timetable
     domain: tuple[int, ...]
     compiled: CompiledExecutor
+    usual: np.ndarray = field(eq=False, repr=False)
 
     @classmethod
     def of(cls, system: System, wiring: Wiring, record: Sequence[str] | None) -> PreparedRun:
         """What the system remembers, for this wiring, or a new one."""
-        instances, known = system.instances(wiring), system.prepared
+        with kept():
+            instances, known = system.instances(wiring), system.prepared
         key = None if record is None else tuple(record)
         found = known.get(key)
         if isinstance(found, PreparedRun) and found.wiring.schedule is wiring.schedule and found.instances is instances:
             return found if found.wiring is wiring else evolve(found, wiring=wiring)
         domain = tuple(i for i, name in enumerate(wiring.signals) if name.endswith(".domain"))
-        made = cls(wiring, instances, Timetable.of(wiring, record), domain, CompiledExecutor())
+        made = cls(wiring, instances, Timetable.of(wiring, record), domain, CompiledExecutor(), usual_sizes(wiring))
         known[key] = made
         return made
 
@@ -152,6 +159,9 @@ class PreparedRun:
         """
         wiring, instances, experiment = self.wiring, self.instances, self.wiring.scenario.experiment
         store = initialise(wiring, instances) if executor else self.compiled.initialise(wiring, instances, mark)
+        start = store[: wiring.schedule.outputs]
+        watch = Watch(self.domain, bounds(wiring, self.usual, start))
+        texts = any(link.text for link in wiring.links)
         job = Execution(
             wiring.schedule,
             instances,
@@ -160,11 +170,14 @@ class PreparedRun:
             self.timetable.columns,
             experiment.record_every,
             experiment.steps,
-            Watch(self.domain, experiment.bound),
+            watch,
             rows.drop,
             mark,
+            text_carriers(wiring, instances) if texts else (),
+            strangers(wiring),
         )
-        return (executor or self.compiled)(job, progress)
+        ending = (executor or self.compiled)(job, progress)
+        return evolve(ending, messages=tuple(said for instance in instances for said in instance.said()))
 
 
 @frozen
@@ -212,6 +225,7 @@ class Timetable:
             self.fmus,
             ending.failure,
             ending.interrupted,
+            ending.messages,
         )
 
 

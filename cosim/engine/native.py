@@ -5,8 +5,9 @@ sees.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
-from ctypes import c_double, c_int64, c_void_p
+from collections.abc import Mapping, Sequence
+from ctypes import c_char_p, c_double, c_int64, c_void_p
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,30 @@ from cosim.wiring.schedule import GetOutputs, Operation, Phase, SetInputs, Step,
 
 _SET, _STEP, _GET = range(3)
 _LINE = 128  # bytes: a cache line, and a vector of 16 lanes
+
+
+class _NativePlace(ctypes.Structure):
+    _fields_ = [("field", c_char_p), ("offset", c_int64)]
+
+
+def check_layout(library: ctypes.CDLL, mirrors: Mapping[str, type[ctypes.Structure]]) -> None:
+    """Compare structs that Python fills with those of a library, by their C names (fmu_src/shared/layout.h).
+
+    Raises ImportError with the first field that lies elsewhere: Python would write into the wrong places.
+    """
+    for name, mirror in mirrors.items():
+        table = getattr(library, f"layout_{name}")
+        table.restype = ctypes.POINTER(_NativePlace)
+        here = [(field[0], getattr(mirror, field[0]).offset) for field in mirror._fields_]
+        for k, (where, expected) in enumerate([*here, ("its end", ctypes.sizeof(mirror))]):
+            place = table()[k]
+            found = place.field.decode() if place.field else "its end"
+            if (found, place.offset) != (where, expected):
+                raise ImportError(
+                    f"{library._name}: struct {name}: expected {where} at byte {expected} ({mirror.__name__}), "
+                    f"got {found} at byte {place.offset}; C sources and Python are of different versions: "
+                    "install the package again"
+                )
 
 
 class NativeOperation(ctypes.Structure):
@@ -32,6 +57,10 @@ class NativeOperation(ctypes.Structure):
         ("weight", c_void_p),
         ("span", c_void_p),
         ("size", c_double),
+        ("n_scaled", c_int64),
+        ("scaled", c_void_p),
+        ("gain", c_void_p),
+        ("shift", c_void_p),
     ]
 
 
@@ -47,11 +76,13 @@ class Arena:
     def __init__(self) -> None:
         self.kept: list[object] = []
 
-    def structures(self, array: ctypes.Array) -> int:
+    def structures(self, array: ctypes.Array[Any]) -> int:
+        """An array of C structures."""
         self.kept.append(array)
         return ctypes.addressof(array)
 
     def array(self, array: np.ndarray) -> int:
+        """An array of numpy as it lies."""
         self.kept.append(array)
         return array.ctypes.data
 
@@ -62,10 +93,12 @@ class Arena:
         whole[skip : skip + values.size] = values.ravel()
         return self.array(whole) + 8 * skip
 
-    def indices(self, values) -> int:
+    def indices(self, values: Sequence[int] | np.ndarray) -> int:
+        """A copy as 64-bit integers."""
         return self.array(np.ascontiguousarray(values, dtype=np.int64))
 
     def pointers(self, addresses: Sequence[int]) -> int:
+        """Addresses as an array of pointers."""
         return self.array(np.array(addresses, dtype=np.uintp))
 
     def phases(self, phases: Sequence[Phase], columns: np.ndarray, step_ns: int) -> int:
@@ -88,6 +121,7 @@ class Arena:
             return NativeOperation(kind=_STEP, component=operation.component, size=seconds(operation.multiple, step_ns))
         if isinstance(operation, GetOutputs):
             return NativeOperation(kind=_GET, component=operation.component)
+        assert isinstance(operation, SetInputs), "texts are carried in Python"
         return self._set(operation)
 
     def _set(self, o: SetInputs) -> NativeOperation:
@@ -103,4 +137,8 @@ class Arena:
             older=self.indices(o.older),
             weight=self.array(o.weight),
             span=self.array(o.span),
+            n_scaled=len(o.scaled),
+            scaled=self.indices(o.scaled),
+            gain=self.array(o.gain),
+            shift=self.array(o.shift),
         )

@@ -14,6 +14,7 @@ class Outcome(str, Enum):
     DOMAIN_EXIT = "domain_exit"
     DIVERGED = "diverged"
     INCONCLUSIVE = "inconclusive"
+    NOT_JUDGED = "not_judged"
     FAILED = "failed"
 
     @property
@@ -34,5 +35,6 @@ _ADVICE = {
     Outcome.DIVERGED: "the motion left every bound: the loop is unstable, or the communication step is too long",
     Outcome.INCONCLUSIVE: "the run is too short, too noisy or forced for too long to say: "
     "run longer, let go earlier, or take smaller steps",
+    Outcome.NOT_JUDGED: "the run stayed within bounds; nothing was disturbed and observed: no verdict on stability",
     Outcome.FAILED: "an FMU failed: see the message",
 }

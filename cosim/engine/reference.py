@@ -14,9 +14,11 @@ import numpy as np
 from attrs import field, frozen
 
 from cosim.engine.outcome import Outcome
+from cosim.engine.rounding import kept
 from cosim.errors import RunError
 from cosim.fmu.contract import Instance
-from cosim.wiring.schedule import GetOutputs, Operation, Phase, Schedule, SetInputs, seconds
+from cosim.fmu.messages import FmuMessage
+from cosim.wiring.schedule import CarryTexts, GetOutputs, Operation, Phase, Schedule, SetInputs, seconds
 
 _TURN = 1024  # steps between two looks at what can leave memory
 
@@ -42,10 +44,14 @@ class RunProgress:
 
 @frozen
 class Watch:
-    """What ends a run early: an output of `domain` (places in the store) below 1, or any value beyond `bound`."""
+    """What ends a run early: an output of `domain` (places in the store) below 1, or one beyond its bound, (n,)."""
 
     domain: tuple[int, ...]
-    bound: float
+    bounds: np.ndarray = field(eq=False)
+    least: float = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        object.__setattr__(self, "least", float(self.bounds.min(initial=np.inf)))
 
 
 def marked() -> np.ndarray:
@@ -62,7 +68,9 @@ class Execution:
 
     store: (2n,) current and previous outputs at t = 0; table: (rows, columns) to fill, row 0 included; columns:
     (columns,) which of the n outputs to record; every: communication steps per row; steps: communication steps in all;
-    drop: called now and then with the number of rows that are filled; mark: (2,) where the run is (see `marked`).
+    drop: called now and then with the number of rows that are filled; mark: (2,) where the run is (see `marked`);
+    carriers: a call for each component that hands texts over (see cosim.engine.texts); strange: components whose FMUs
+    others have built.
     """
 
     schedule: Schedule
@@ -75,6 +83,8 @@ class Execution:
     watch: Watch
     drop: Callable[[int], None] = lambda done: None
     mark: np.ndarray = field(factory=marked, repr=False)
+    carriers: Sequence[Callable[[], None]] = ()
+    strange: frozenset[int] = frozenset()
 
 
 @frozen
@@ -86,6 +96,7 @@ class Ending:
     message: str = ""
     failure: RunError | None = None
     interrupted: bool = False
+    messages: tuple[FmuMessage, ...] = ()
 
 
 class Executor(Protocol):
@@ -140,7 +151,8 @@ class _Turn:
     """One phase with its operations bound to their instances; `columns` are the places that its row is taken from."""
 
     def __init__(self, phase: Phase, job: Execution) -> None:
-        self.mark, self.operations = job.mark, [(o.component, _bound(o, job)) for o in phase.operations]
+        self.mark = job.mark
+        self.operations = [(o.component, _guarded(_bound(o, job), o, job)) for o in phase.operations]
         self.columns = phase.record.source[job.columns]
 
     def act(self, done: int) -> bool:
@@ -153,22 +165,31 @@ class _Turn:
         return going
 
 
+def _guarded(
+    action: Callable[[int], bool | None], operation: Operation, job: Execution
+) -> Callable[[int], bool | None]:
+    """The action, after which this thread computes as before."""
+    return kept()(action) if operation.component in job.strange else action
+
+
 def _bound(operation: Operation, job: Execution) -> Callable[[int], bool | None]:
     instance = job.instances[operation.component]
     if isinstance(operation, SetInputs):
         return _set(operation, instance, job.store)
     if isinstance(operation, GetOutputs):
         return _get(operation, instance, job)
+    if isinstance(operation, CarryTexts):
+        return lambda done: job.carriers[operation.component]()
     step_ns = job.schedule.step_ns
     size = seconds(operation.multiple, step_ns)
     return lambda done: instance.step(done * step_ns / 1_000_000_000, size)
 
 
 def _set(operation: SetInputs, instance: Instance, store: np.ndarray) -> Callable[[int], None]:
-    inputs, slopes, hand_over = instance.inputs, instance.slopes, instance.set
+    inputs, slopes = instance.inputs, instance.slopes
     source, line, newer, older = operation.source, operation.line, operation.newer, operation.older
     weight, span = operation.weight, operation.span
-    inside = bool(np.any(weight))
+    inside, scaled, gain, shift = bool(np.any(weight)), operation.scaled, operation.gain, operation.shift
 
     def held(done: int) -> None:
         store.take(source, out=inputs, mode="clip")
@@ -181,6 +202,11 @@ def _set(operation: SetInputs, instance: Instance, store: np.ndarray) -> Callabl
             inputs[line] += weight * rise
         np.divide(rise, span, out=slopes)
         hand_over()
+
+    def hand_over() -> None:
+        if len(scaled):
+            inputs[scaled] = gain * inputs[scaled] + shift
+        instance.set()
 
     return lined if len(line) else held
 
@@ -206,8 +232,8 @@ def watched(job: Execution, done: int) -> Ending | None:
     None.
     """
     values = job.store[: job.schedule.outputs]
-    bound = job.watch.bound
-    if not values @ values < bound * bound and not np.abs(values).max() <= bound:
+    least = job.watch.least
+    if not values @ values < least * least and not np.all(np.abs(values) <= job.watch.bounds):
         return _out_of_bounds(job, done)
     for place in job.watch.domain:
         if values.item(place) < 1.0:
@@ -224,9 +250,11 @@ def _out_of_bounds(job: Execution, done: int) -> Ending:
     if len(undefined):
         error = _not_finite(job, undefined, at)
         return Ending(max(done - 1, 0), Outcome.FAILED, str(error), error)
-    component, index = _name(job, int(np.abs(values).argmax()))
+    bounds = job.watch.bounds
+    beyond = int(np.argmax(np.where(np.abs(values) > bounds, np.abs(values) / bounds, 0.0)))
+    component, index = _name(job, beyond)
     names = job.instances[job.schedule.components.index(component)].output_names
-    message = f"{component}.{names[index]} passed {job.watch.bound:g} at t = {at:.9g} s"
+    message = f"{component}.{names[index]} passed {bounds[beyond]:g} at t = {at:.9g} s (experiment.bound)"
     return Ending(done, Outcome.DIVERGED, message)
 
 

@@ -29,10 +29,10 @@ class SignalTable:
         size = 8 * rows * columns
         if size > in_memory and size > (free := shutil.disk_usage(tempfile.gettempdir()).free):
             raise InputError(_too_large(rows, columns, free))
-        self.file = _file(size) if size > in_memory else None
+        self.file: mmap.mmap | None = _file(size) if size > in_memory else None
         flat = np.empty(rows * columns) if self.file is None else np.frombuffer(self.file)
-        self.values = flat.reshape(rows, columns)
-        self.dropped = 0
+        self.values: np.ndarray = flat.reshape(rows, columns)
+        self.dropped: int = 0
 
     @classmethod
     def of(cls, values: np.ndarray) -> "SignalTable":
@@ -74,7 +74,7 @@ class SignalTable:
             yield first, self.values[first:last]
             self._release(first, last)
 
-    def columns(self, which, count: int, every: int = 1) -> np.ndarray:
+    def columns(self, which: int | Sequence[int], count: int, every: int = 1) -> np.ndarray:
         """Every so many of the first `count` rows of a column (its number), or of several: copies where the table is on
         disk, else a view of a single one.
         """
@@ -111,7 +111,10 @@ class SignalColumns(Mapping[str, np.ndarray]):
     """Signals by name, (n,) each, from the first n rows of a table; each is looked up when it is asked for."""
 
     def __init__(self, names: Sequence[str], rows: SignalTable, count: int, every: int = 1) -> None:
-        self.names, self.rows, self.count, self.every = names, rows, count, every
+        self.names: Sequence[str] = names
+        self.rows: SignalTable = rows
+        self.count: int = count
+        self.every: int = every
         self._place: dict[str, int] | None = None
 
     def _number(self, name: str) -> int:

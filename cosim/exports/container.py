@@ -1,16 +1,15 @@
 """The wired scenario as one container FMU, for tools that read no SSP: fmpy's container with our FMUs inside.
 
 fmpy writes the container (its binaries exist for x86_64 Linux, Windows and macOS and for aarch64 macOS). This module
-adds what fmpy leaves out: start values are compiled into the components, the first variable is the time (the binary
-expects it there), connections have the FMI 3.0 type name, which the binary expects for FMI 2.0 too, and the archive is
-packed again so that its bytes are reproducible.
+adds what fmpy leaves out: a tolerance in the default experiment, start values compiled into the components, the time as
+the first variable (the binary expects it there), and the FMI 3.0 type name of connections, which the binary expects for
+FMI 2.0 too. The archive is packed again so that its bytes are reproducible.
 
 The container passes values along its connections one after another and then steps every component. An output with
 direct feedthrough reacts to an input that was set just before. The connections are therefore ordered so that such
 outputs are read first, and the container does what the Jacobi algorithm with held inputs does.
 """
 
-import tempfile
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -23,29 +22,36 @@ from cosim.wiring import Link, Wiring
 _FILES_OF_FMPY = ("Container.zip",)
 
 
-def write_container(wiring: Wiring, path: Path, fmi: int = 2) -> Path:
+def write_container(wiring: Wiring, path: Path, fmi: int = 2, enumerations: bool = True) -> Path:
     """Write the scenario as one co-simulation FMU; its variables are the components' outputs, `arm_l.q[1]`.
 
-    Raises RunError where an FMU cannot be built.
+    enumerations: whether the FMUs inside keep theirs. Raises RunError where an FMU cannot be built.
     """
     from fmpy.container_fmu.cli import create_container_fmu
 
     from build_fmus.archive import zip_bytes
+    from build_fmus.scratch import workspace
 
-    fmus = component_fmus(wiring, fmi=fmi)
-    with tempfile.TemporaryDirectory(prefix="cosim-container-") as folder:
-        named = _named(fmus, Path(folder) / "fmus")
-        unpacked = Path(folder) / "container"
+    fmus = component_fmus(wiring, fmi=fmi, enumerations=enumerations)
+    with workspace() as folder:
+        named = _named(fmus, folder / "fmus")
+        unpacked = folder / "container"
         unpacked.mkdir()
-        create_container_fmu(_configuration(wiring, named, fmi), unpacked, Path(folder) / "container.fmu")
+        create_container_fmu(_configuration(wiring, named, fmi), unpacked, folder / "container.fmu")
         files = {
             p.relative_to(unpacked).as_posix(): p.read_bytes()
             for p in unpacked.rglob("*")
             if p.is_file() and p.name not in _FILES_OF_FMPY
         }
+    files["modelDescription.xml"] = _with_tolerance(files["modelDescription.xml"])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(zip_bytes(files))
     return path
+
+
+def _with_tolerance(description: bytes) -> bytes:
+    """The model description with the tolerance of the default experiment, which fmpy's writer leaves out."""
+    return description.replace(b"<DefaultExperiment", b'<DefaultExperiment tolerance="1e-06"', 1)
 
 
 def _named(fmus: Mapping[str, Path], folder: Path) -> dict[str, Path]:
@@ -156,7 +162,9 @@ def _description(wiring: Wiring, variables, components, fmi: int):
             fixedInternalStepSize=scenario.experiment.step,
         ),
         defaultExperiment=DefaultExperiment(
-            startTime="0.0", stopTime=repr(scenario.experiment.stop), stepSize=repr(scenario.experiment.step)
+            startTime="0.0",
+            stopTime=repr(scenario.experiment.stop),
+            stepSize=repr(scenario.experiment.step),
         ),
     )
     description.outputs = [Unknown(variable=v) for v in variables if v.causality == "output"]

@@ -7,37 +7,34 @@ the Open Simulation Platform gives the communication step, and one of our own gi
 the order of the components. `cosim.scenario.ssp` reads both.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as xml
 
-from cosim.engine.master import run
+from cosim.engine.isolation import runner
 from cosim.errors import RunError
-from cosim.fmu import describe, fmu_file
+from cosim.exports.enumerations import whole_numbers
+from cosim.fmu import describe, fmu_file, open_system
 from cosim.scenario import with_parameters
-from cosim.scenario.ssp import MASTER, VENDOR
+from cosim.scenario.ssp_experiment import MASTER, OMS, OMS_TYPE, OSP, OSP_TYPE, VENDOR
+from cosim.scenario.ssp_grammar import NAMESPACES
 from cosim.signals import FmuDescription, Unit, Variable
 from cosim.wiring import Wiring
 
-_NAMESPACES = {
-    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
-    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
-    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
-    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-    "master": MASTER,
-}
+_NAMESPACES = NAMESPACES | {"osp": OSP, "oms": OMS, "master": MASTER}
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _COLUMN, _ROW = 60.0, 40.0  # size of a block in a diagram
 
 
-def write_ssp(wiring: Wiring, path: Path, platforms: Sequence[str] | None = None) -> Path:
+def write_ssp(wiring: Wiring, path: Path, platforms: Sequence[str] | None = None, enumerations: bool = True) -> Path:
     """Write the scenario as an SSP archive (same input, same bytes) with FMUs of FMI 2.0; returns its path.
 
-    Raises RunError where an FMU cannot be built.
+    enumerations: whether the FMUs keep theirs. Raises RunError where an FMU cannot be built.
     """
     from build_fmus.archive import zip_bytes
 
-    fmus = component_fmus(wiring, platforms)
+    fmus = component_fmus(wiring, platforms, enumerations=enumerations)
     files = {f"resources/{name}.fmu": fmu.read_bytes() for name, fmu in fmus.items()}
     descriptions = {name: describe(fmu) for name, fmu in fmus.items()}
     files["SystemStructure.ssd"] = system_structure(wiring, descriptions)
@@ -46,9 +43,11 @@ def write_ssp(wiring: Wiring, path: Path, platforms: Sequence[str] | None = None
     return path
 
 
-def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: int = 2) -> dict[str, Path]:
+def component_fmus(
+    wiring: Wiring, platforms: Sequence[str] | None = None, fmi: int = 2, enumerations: bool = True
+) -> dict[str, Path]:
     """An FMU for every component; those of our models have parameters and inputs at t = 0 compiled in as start
-    values.
+    values. Without `enumerations` whole numbers take their place.
     """
     from build_fmus import BuildError, fmu_path
 
@@ -64,16 +63,20 @@ def component_fmus(wiring: Wiring, platforms: Sequence[str] | None = None, fmi: 
             )
         except BuildError as error:
             raise RunError(name, None, f"cannot be built: {error}") from None
-    return fmus
+    return fmus if enumerations else {name: whole_numbers(fmu) for name, fmu in fmus.items()}
 
 
 def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
     """The values of each component's wired inputs at t = 0."""
     period = len(wiring.schedule.phases) * wiring.scenario.experiment.step  # s: whole steps of every component
-    first = run(with_parameters(wiring.scenario, {"experiment.stop": period}))
+    brief = with_parameters(wiring.scenario, {"experiment.stop": period})
+    with open_system(brief) as system:
+        first = runner(brief)(brief, system)
     values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}
     for link in wiring.links:
-        values[link.target.component][link.target.variable] = float(first.signals[str(link.source)][0])
+        if not link.text:
+            value = float(first.signals[str(link.source)][0])
+            values[link.target.component][link.target.variable] = link.gain * value + link.shift
     return values
 
 
@@ -86,7 +89,9 @@ def system_structure(wiring: Wiring, descriptions: Mapping[str, FmuDescription])
     for prefix, uri in _NAMESPACES.items():
         xml.register_namespace(prefix, uri)
     scenario = wiring.scenario
-    root = _element("ssd:SystemStructureDescription", version="1.0", name=scenario.name, generationTool="cosim")
+    root = _element(
+        "ssd:SystemStructureDescription", version="1.0", name=_identifier(scenario.name), generationTool="cosim"
+    )
     system = _element("ssd:System", root, name="loop", description=scenario.title or scenario.name)
     elements = _element("ssd:Elements", system)
     for place, name in enumerate(scenario.components):
@@ -101,10 +106,34 @@ def system_structure(wiring: Wiring, descriptions: Mapping[str, FmuDescription])
             endElement=link.target.component,
             endConnector=link.target.variable,
         )
+    _omsimulator(system, scenario.experiment.step)
     _units(root, descriptions)
     _experiment(root, wiring)
     xml.indent(root)
     return xml.tostring(root, encoding="UTF-8", xml_declaration=True)
+
+
+def _identifier(name: str) -> str:
+    """The name with letters, digits and underscores only: OMSimulator reads no other."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"_{plain}" if plain[:1].isdigit() else plain
+
+
+def _omsimulator(system: xml.Element, step: float) -> None:
+    """What OMSimulator needs to know a system as one of co-simulation: its master with a fixed step [s].
+
+    Its tolerances are those that it writes itself; a fixed step does not use them.
+    """
+    annotation = _element("ssc:Annotation", _element("ssd:Annotations", system), type=OMS_TYPE)
+    information = _element("oms:SimulationInformation", _element("oms:Annotations", annotation))
+    _element(
+        "oms:FixedStepMaster",
+        information,
+        description="oms-ma",
+        stepSize=repr(step),
+        absoluteTolerance="0.0001",
+        relativeTolerance="0.0001",
+    )
 
 
 def _element(qualified: str, parent: xml.Element | None = None, /, **attributes: object) -> xml.Element:
@@ -190,7 +219,7 @@ def _experiment(root: xml.Element, wiring: Wiring) -> None:
     experiment = wiring.scenario.experiment
     default = _element("ssd:DefaultExperiment", root, startTime="0.0", stopTime=repr(experiment.stop))
     annotations = _element("ssd:Annotations", default)
-    annotation = _element("ssc:Annotation", annotations, type="com.opensimulationplatform")
+    annotation = _element("ssc:Annotation", annotations, type=OSP_TYPE)
     _element("osp:FixedStepAlgorithm", _element("osp:Algorithm", annotation), baseStepSize=repr(experiment.step))
     master = _element(
         "master:Algorithm",

@@ -4,8 +4,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from attrs import frozen
 
+from cosim.fmu.messages import FmuMessage
+from cosim.scenario import Conversion
 from cosim.signals import FmuDescription
+
+
+@frozen
+class FmuSettings:
+    """What an FMU is told of the run when it is initialised: the tolerance (None: none) and the stop time [s]."""
+
+    tolerance: float | None = None
+    stop: float | None = None
 
 
 class Instance(ABC):
@@ -21,6 +32,16 @@ class Instance(ABC):
         self.input_names: tuple[str, ...] = ()
         self.output_names: tuple[str, ...] = ()
         self.inputs = self.slopes = self.outputs = np.zeros(0)
+        self.settings = FmuSettings()
+        self.conversions: Mapping[str, Conversion] = {}
+
+    def configure(self, settings: FmuSettings, conversions: Mapping[str, Conversion]) -> None:
+        """Take in what the next starts are told, and the conversions that the scenario wishes for inputs."""
+        self.settings, self.conversions = settings, conversions
+
+    def said(self) -> tuple[FmuMessage, ...]:
+        """What the FMU said since it was started, each message once."""
+        return ()
 
     def wire(self, inputs: Sequence[str], sloped: Sequence[str], outputs: Sequence[str]) -> None:
         """Choose the variables to exchange: inputs to set, those of them that get slopes, outputs to read."""
@@ -46,6 +67,14 @@ class Instance(ABC):
     @abstractmethod
     def step(self, time: float, size: float) -> bool:
         """Advance from `time` by `size` [s]; False where the FMU asks to end the run."""
+
+    def get_text(self, name: str) -> str | bytes:
+        """The text, or the bytes, of a variable."""
+        raise NotImplementedError
+
+    def set_text(self, name: str, text: str | bytes) -> None:
+        """Hand a text, or bytes, to a variable."""
+        raise NotImplementedError
 
     def close(self) -> None:  # noqa: B027 - most have nothing to free
         """Free the instance."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim.fmu.bank import Bank, caller, few, pointer_to
 from cosim.fmu.instance import LOADING, FmuInstance
+from cosim.fmu.library import tolerant
 from cosim.fmu.places import extracted
 
 
@@ -21,18 +22,18 @@ class Fmi2Instance(FmuInstance):
 
     prefix = "fmi2"
 
-    def _load(self) -> Any:
+    def _load(self, logging: bool) -> Any:
         from fmpy import fmi2
 
         self.callbacks = _callbacks(self)
         with LOADING:
-            fmu = fmi2.FMU2Slave(
+            fmu = tolerant(fmi2.FMU2Slave)(
                 guid=self.description.token,
                 modelIdentifier=self.description.identifier,
                 instanceName=self.name,
                 unzipDirectory=str(extracted(Path(self.description.path))),
             )
-            fmu.instantiate(callbacks=self.callbacks)
+            fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
         return fmu
 
     def _kind(self, type_name: str) -> str:
@@ -45,17 +46,18 @@ class Fmi2Instance(FmuInstance):
         from fmpy.fmi1 import FMICallException
 
         try:
-            self.fmu.setupExperiment(startTime=0.0)
+            self.fmu.setupExperiment(self.settings.tolerance, 0.0, self.settings.stop)
             self.fmu.enterInitializationMode()
         except FMICallException as error:
             raise self._error(str(error)) from None
 
     def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> Bank:
-        buffer = array if kind == "Real" else np.zeros(len(names), dtype=np.int32)
-        pointer = pointer_to(buffer, ctypes.c_double if kind == "Real" else ctypes.c_int)
+        plain = kind == "Real"
+        buffer = array if plain else np.zeros(len(names), dtype=np.int32)
+        pointer = pointer_to(buffer, ctypes.c_double if plain else ctypes.c_int)
         function = self.function(verb + kind)
         call = caller(function, self.component, self.references(names), len(names), pointer)
-        return Bank(call, few(verb, names), array, buffer)
+        return Bank(call, few(verb, names), array, buffer, guard=None if plain else self.guard(names))
 
     def _wire_slopes(self) -> None:
         if self.sloped:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cosim.fmu.bank import Bank, caller, few, pointer_to
-from cosim.fmu.instance import LOADING, FmuInstance
+from cosim.fmu.instance import LOADING, FmuInstance, whole_arrays
+from cosim.fmu.library import tolerant
 from cosim.fmu.places import extracted
 
 _CTYPES3 = {
@@ -33,17 +34,17 @@ class Fmi3Instance(FmuInstance):
 
     prefix = "fmi3"
 
-    def _load(self) -> Any:
+    def _load(self, logging: bool) -> Any:
         from fmpy import fmi3
 
         with LOADING:
-            fmu = fmi3.FMU3Slave(
+            fmu = tolerant(fmi3.FMU3Slave)(
                 guid=self.description.token,
                 modelIdentifier=self.description.identifier,
                 instanceName=self.name,
                 unzipDirectory=str(extracted(Path(self.description.path))),
             )
-            fmu.instantiate(logMessage=lambda _, status, category, text: self._log(status, text))
+            fmu.instantiate(loggingOn=logging, logMessage=lambda _, status, category, text: self._log(status, text))
         self.flags = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
         self.reached = ctypes.c_double()
         return fmu
@@ -58,26 +59,54 @@ class Fmi3Instance(FmuInstance):
         from fmpy.fmi1 import FMICallException
 
         try:
-            self.fmu.enterInitializationMode(startTime=0.0)
+            self.fmu.enterInitializationMode(self.settings.tolerance, 0.0, self.settings.stop)
         except FMICallException as error:
             raise self._error(str(error)) from None
 
-    def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> Bank:
-        return self._bank_of(verb, kind, self.references(names), array, few(verb, names))
+    def _settle(self, values: Mapping[str, float | str]) -> None:
+        from fmpy.fmi1 import FMICallException
 
-    def _bank_of(
-        self, verb: str, kind: str, references: ctypes.Array[ctypes.c_uint], array: np.ndarray, what: str
-    ) -> Bank:
-        ctype, count = _CTYPES3[kind], len(references)
-        buffer = array if kind == "Float64" else np.zeros(count, dtype=np.dtype(ctype))
-        call = caller(self.function(verb + kind), self.component, references, count, pointer_to(buffer, ctype), count)
-        return Bank(call, what, array, buffer)
+        sizes = [name for name in values if self._structural(name)]
+        if not sizes:
+            return
+        try:
+            self.fmu.enterConfigurationMode()
+            for kind, names in self.by_kind(sizes).items():
+                self._set_values(kind, names, [values[name] for name in names])
+            self.fmu.exitConfigurationMode()
+        except FMICallException as error:
+            raise self._error(f"refuses {', '.join(sizes)}: {error}") from None
+
+    def _bank(self, verb: str, kind: str, names: Sequence[str], array: np.ndarray) -> Bank:
+        variables = [self.description.variables[name] for name in names]
+        references, places, count = whole_arrays(variables)
+        plain = kind == "Float64" and np.array_equal(places, np.arange(count))
+        buffer = array if plain else np.zeros(count, dtype=np.dtype(_CTYPES3[kind]))
+        if verb == "Set" and len(places) < count:
+            self.parts.append((buffer, references))
+        call = self._call(verb, kind, (ctypes.c_uint * len(references))(*references), buffer)
+        guard = None if kind == "Float64" else self.guard(names)
+        return Bank(call, few(verb, names), array, buffer, None if plain else places, guard)
+
+    def start(self, values: Mapping[str, float | str]) -> None:
+        super().start(values)
+        for buffer, references in self.parts:
+            self._fill(buffer, references, values)
+
+    def _fill(self, buffer: np.ndarray, references: Sequence[int], values: Mapping[str, float | str]) -> None:
+        """Start values into whole arrays, of which only some elements are wired."""
+        known = {(v.reference, v.element): v for v in self.description.variables.values() if v.causality == "input"}
+        inside = sorted((k for k in known if k[0] in references), key=lambda k: (references.index(k[0]), k[1]))
+        buffer[:] = [values.get(known[k].name, known[k].start or 0.0) for k in inside]
+
+    def _call(self, verb: str, kind: str, references: ctypes.Array[ctypes.c_uint], buffer: np.ndarray) -> Any:
+        pointer, count = pointer_to(buffer, _CTYPES3[kind]), len(buffer)
+        return caller(self.function(verb + kind), self.component, references, len(references), pointer, count)
 
     def _wire_slopes(self) -> None:
         if self.sloped:
-            self.setters.append(
-                self._bank_of("Set", "Float64", self.slope_references(), self.slopes, "set input derivatives")
-            )
+            call = self._call("Set", "Float64", self.slope_references(), self.slopes)
+            self.setters.append(Bank(call, "set input derivatives", self.slopes, self.slopes))
 
     def slope_references(self) -> ctypes.Array[ctypes.c_uint]:
         slopes = [self.description.variables[name].slope for name in self.sloped or ()]

@@ -1,8 +1,6 @@
 """Where FMU files are: models and recordings built where they are missing, archives extracted once."""
 
-import os
-import shutil
-import tempfile
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from hashlib import sha256
@@ -57,7 +55,7 @@ def _recording(component: Component, path: Path, scenario: Scenario, progress: P
     """A Recording FMU that plays columns of a measured file over its time column as outputs y[1], y[2], ..."""
     from build_fmus import recording_fmu
 
-    table = read_columns(path, component.time, component.columns, progress)
+    table = played(component, path, scenario, progress)
     columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")
     return recording_fmu(
@@ -65,29 +63,76 @@ def _recording(component: Component, path: Path, scenario: Scenario, progress: P
     )
 
 
+def played(component: Component, path: Path, scenario: Scenario, progress: Progress | None = None) -> np.ndarray:
+    """Time of the run [s] and columns of a recording, (rows, 1 + columns), moved by `offset` and repeated where that is
+    wished. Raises InputError where recording and run have no time in common.
+    """
+    table = read_columns(path, component.time, component.columns, progress).copy()
+    table[:, 0] += component.offset
+    stop, first, last = scenario.experiment.stop, float(table[0, 0]), float(table[-1, 0])
+    if component.repeat and len(table) > 1:
+        return _repeated(table, stop)
+    if first > stop or last < 0.0:
+        got, begin = f"stamps from {first:.10g} to {last:.10g} s", component.offset - first
+        raise InputError(
+            Problem(str(path), f"stamps within the run, 0 to {stop:g} s", got, f"offset = {begin:.10g} begins it at 0")
+        )
+    return table
+
+
+def _repeated(table: np.ndarray, stop: float) -> np.ndarray:
+    """The table again and again until the stop time, a typical step between its last row and its first."""
+    period = table[-1, 0] - table[0, 0] + float(np.median(np.diff(table[:, 0])))
+    begin = table[0, 0] - period * math.ceil(max(table[0, 0], 0.0) / period)
+    times = max(1, math.ceil((stop - begin) / period))
+    found = np.tile(table, (times, 1))
+    found[:, 0] += begin - table[0, 0] + np.repeat(np.arange(times) * period, len(table))
+    return found
+
+
+def recording_warnings(component: Component, scenario: Scenario) -> tuple[str, ...]:
+    """What the user should know of a recording that does not fill the run."""
+    if component.recording is None or component.repeat:
+        return ()
+    table = played(component, scenario.folder / component.recording, scenario)
+    first, last, stop = float(table[0, 0]), float(table[-1, 0]), scenario.experiment.stop
+    step = float(np.median(np.diff(table[:, 0]))) if len(table) > 1 else 0.0
+    found = []
+    if first > step:
+        found.append(f"the recording begins at {first:.6g} s; its first values stand before")
+    if last < stop - step:
+        found.append(f"the recording ends at {last:.6g} s of {stop:g} s; its last values stay (or repeat = true)")
+    return tuple(found)
+
+
 def read_columns(path: Path, time: str, names: Sequence[str], progress: Progress | None = None) -> np.ndarray:
     """Time [s] and columns of a measured file of any kind, as (rows, 1 + columns). Raises InputError."""
-    stamps, values = signals(path, time, names, progress or (lambda _: None))
-    return np.column_stack([stamps, values])
+    table, notes = _read_columns(str(path), stamp(path) if path.is_file() else (0, 0), time, tuple(names))
+    for note in notes if progress is not None else ():
+        progress(note)
+    return table
+
+
+@lru_cache(maxsize=8)
+def _read_columns(
+    path: str, _: tuple[int, int], time: str, names: tuple[str, ...]
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    notes: list[str] = []
+    stamps, values = signals(Path(path), time, names, notes.append)
+    return np.column_stack([stamps, values]), tuple(notes)
 
 
 def extracted(path: Path) -> Path:
     """Folder with the contents of an FMU, extracted once per content (absolute, kept in the cache)."""
-    import fmpy
-
     from build_fmus.cache import cache_folder
+    from build_fmus.unpacking import UnpackError, unpack
 
     folder = cache_folder() / "extracted" / digest(str(path), *stamp(path))[:24]
     if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".part-"))
         try:
-            fmpy.extract(path, fresh)
-            os.replace(fresh, folder)
-        except OSError as error:
-            shutil.rmtree(fresh, ignore_errors=True)
-            if not folder.is_dir():
-                raise RunError(path.name, None, f"cannot be extracted: {error}") from None
+            unpack(path, folder)
+        except (OSError, UnpackError) as error:
+            raise RunError(path.name, None, f"cannot be extracted: {error}") from None
     return folder.resolve()
 
 

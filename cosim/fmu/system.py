@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from attrs import frozen
 
-from cosim.errors import RunError
+from cosim.errors import InputError, Problem
 from cosim.fmu.description import descriptions
 from cosim.fmu.fmi2 import Fmi2Instance
 from cosim.fmu.fmi3 import Fmi3Instance
 from cosim.fmu.instance import FmuInstance
+from cosim.fmu.library import here
 from cosim.fmu.places import Progress
-from cosim.scenario import Scenario
+from cosim.scenario import FmuLogging, Scenario
 from cosim.signals import FmuDescription
 from cosim.wiring import Wiring, restarted, wire
 
@@ -45,8 +46,14 @@ class FmuSet:
             wiring = restarted(last.wiring, scenario) if last else None
             if wiring is None:
                 self.prepared.clear()
-            last = self.last = _Wired(scenario, wiring or wire(scenario, descriptions(scenario, self.progress)))
+            last = self.last = _Wired(scenario, wiring or self._wired(scenario))
         return last.wiring
+
+    def _wired(self, scenario: Scenario) -> Wiring:
+        found = descriptions(scenario, self.progress)
+        if problems := [p for name, description in found.items() for p in _not_here(name, description)]:
+            raise InputError(problems)
+        return wire(scenario, found)
 
     def instances(self, wiring: Wiring) -> list[FmuInstance]:
         """An instance for each component, in the order of the scenario; loaded where it was not yet. Raises RunError.
@@ -61,13 +68,12 @@ class FmuSet:
 
     def instance(self, name: str, description: FmuDescription) -> FmuInstance:
         """The instance of one component, loaded where it was not yet. Raises RunError."""
+        logging = self.last.scenario.experiment.logging if self.last else FmuLogging.WARNINGS
         instance = self.loaded.get(name)
-        if instance is None or (
-            instance.description is not description and instance.description.sha256 != description.sha256
-        ):
+        if instance is None or _another(instance, description) or instance.logging is not logging:
             if instance is not None:
                 instance.close()
-            self.loaded[name] = load(name, description)
+            self.loaded[name] = load(name, description, logging)
         return self.loaded[name]
 
     def close(self) -> None:
@@ -85,15 +91,28 @@ class FmuSet:
         self.close()
 
 
-def load(name: str, description: FmuDescription) -> FmuInstance:
-    """Load the library of an FMU and instantiate it under the given name. Raises RunError."""
-    kind = Fmi3Instance if description.fmi.startswith("3") else Fmi2Instance
-    try:
-        return kind(name, description)
-    except RunError:
-        raise
-    except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions: no binary for this platform, wrong token, ...
-        raise RunError(name, None, f"cannot be loaded: {error}") from None
+def _another(instance: FmuInstance, description: FmuDescription) -> bool:
+    """Whether an instance is of another file, or of one whose arrays have other sizes."""
+    known = instance.description
+    return known is not description and (known.sha256, known.sizes) != (description.sha256, description.sizes)
+
+
+def _not_here(name: str, description: FmuDescription) -> list[Problem]:
+    """The problem of an FMU without a binary for this platform."""
+    if not description.platforms or set(here()) & set(description.platforms):
+        return []
+    wanted = here()[description.fmi.startswith("3")]
+    advice = "run it there, or ask its maker for a binary"
+    got = f"one for {', '.join(description.platforms)} only"
+    return [Problem(f"components.{name}: {description.path}", f"a binary for {wanted}", got, advice)]
+
+
+def load(name: str, description: FmuDescription, logging: FmuLogging = FmuLogging.WARNINGS) -> FmuInstance:
+    """Load the library of an FMU and instantiate it under the given name.
+
+    Raises RunError, with what the FMU said.
+    """
+    return (Fmi3Instance if description.fmi.startswith("3") else Fmi2Instance)(name, description, logging)
 
 
 def open_system(scenario: Scenario, progress: Progress | None = None) -> FmuSet:

@@ -1,11 +1,16 @@
 """Arrow columns to numpy: nulls are NaN, whole numbers and stamps keep their digits."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from cosim.measured.stamps import EXACT
 
+if TYPE_CHECKING:
+    from pyarrow import Array, ChunkedArray
 
-def arrow_values(column) -> np.ndarray:
+
+def arrow_values(column: "Array | ChunkedArray") -> np.ndarray:
     """Arrow column to float64 (null: NaN), whole numbers beyond a float's, stamps, or text ("" where null)."""
     from pyarrow import float64, types
 

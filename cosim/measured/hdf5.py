@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,11 @@ def _result(path: Path, file) -> RawTable:
     readers = {"time": _dataset(path, "time")}
     for component, variables in file["signals"].items():
         for data in variables.values():
-            for k, name in enumerate(json.loads(data.attrs["elements"])):
-                readers[f"{component}.{name}"] = _element(path, data.name, k)
+            names, read = json.loads(data.attrs["elements"]), cache(_dataset(path, data.name))
+            if data.shape[1:] != (len(names),):
+                raise KeyError(f"{data.name}: {len(names)} names for columns of shape {data.shape}")
+            for k, name in enumerate(names):
+                readers[f"{component}.{name}"] = lambda read=read, k=k: np.asarray(read()[:, k], float)
     order = json.loads(file.attrs["signals"])
     return RawTable(path, LazyColumns({name: readers[name] for name in ("time", *order)}))
 
@@ -51,19 +55,10 @@ def _dataset(path: Path, name: str) -> Reader:
 
         try:
             with h5py.File(path, "r") as file:
-                return np.asarray(file[name][()])
+                thing: Any = file[name]
+                return np.asarray(thing[()])
         except (OSError, KeyError, RuntimeError) as error:
             raise InputError(Problem(f"{path}: {name}", "an array that can be read", str(error)[:300])) from None
-
-    return read
-
-
-def _element(path: Path, name: str, k: int) -> Reader:
-    def read() -> np.ndarray:
-        import h5py
-
-        with h5py.File(path, "r") as file:
-            return np.asarray(file[name][:, k], float)
 
     return read
 
@@ -174,4 +169,5 @@ def _words(path: Path, places: list[str]) -> np.ndarray:
     import h5py
 
     with h5py.File(path, "r") as file:
-        return np.array(["".join(map(chr, file[place][()].flatten().tolist())) for place in places])
+        things: list[Any] = [file[place] for place in places]
+        return np.array(["".join(map(chr, thing[()].flatten().tolist())) for thing in things])

@@ -60,9 +60,7 @@ class _Reading:
 def layout_of(path: Path) -> TextLayout:
     """The layout of a text table. Raises InputError with what was found where it stays open."""
     encoding, lines, notes = _head(path)
-    readings = [
-        _reading(lines, s, d) for s in SEPARATORS for d in ".," if not (s == "," and d == "," and not _quoted(lines))
-    ]
+    readings = [_reading(lines, separator, decimal) for separator, decimal in _candidates(lines)]
     good = sorted((reading for reading in readings if reading), key=lambda reading: reading.score, reverse=True)
     if not good:
         raise InputError(_no_table(path, lines, encoding))
@@ -71,6 +69,14 @@ def layout_of(path: Path) -> TextLayout:
         raise InputError(_no_header(path, lines, best))
     _check_thousands(path, best)
     return _layout(path, lines, best, encoding, notes)
+
+
+def _candidates(lines: list[str]) -> list[tuple[str, str]]:
+    """Separators and decimal marks that occur at all; a comma is both only between quotes."""
+    text = "\n".join(lines)
+    marks = [mark for mark in ".," if mark == "." or mark in text]
+    pairs = [(separator, mark) for separator in SEPARATORS if separator == " " or separator in text for mark in marks]
+    return [pair for pair in pairs if pair != (",", ",") or '"' in text]
 
 
 def _head(path: Path) -> tuple[str, list[str], list[str]]:
@@ -114,10 +120,6 @@ def _western(path: Path, data: bytes) -> str:
         got = f"byte 0x{data[error.start]:02x} at {error.start}: neither UTF-8 nor Latin-1"
         raise InputError(Problem(str(path), "text in a known encoding", got, "save it as UTF-8")) from None
     return "cp1252"
-
-
-def _quoted(lines: list[str]) -> bool:
-    return any('"' in line for line in lines[:SAMPLE])
 
 
 def cells_of(line: str, separator: str) -> tuple[str, ...]:

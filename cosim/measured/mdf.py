@@ -1,6 +1,9 @@
 """MDF files to columns by asammdf: channels by name, each group with its own time."""
 
-from collections.abc import Callable
+import gc
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +22,26 @@ def read_mdf(path: Path) -> RawTable:
     except ImportError:
         advice = f"{INSTALL} (40 MB), or export it as Parquet or CSV"
         raise InputError(Problem(str(path), "a package that reads MDF", "no asammdf", advice)) from None
+    with _without_remarks():
+        try:
+            with MDF(path) as file:
+                channels = [(g, k, c) for g, group in enumerate(file.groups) for k, c in enumerate(group.channels)]
+                masters = dict(file.masters_db)
+                return _table(path, [(g, k, c.name, str(c.unit or "")) for g, k, c in channels], masters)
+        except Exception as error:  # noqa: BLE001 - asammdf raises many kinds for a damaged file
+            problem = Problem(str(path), "an MDF file", f"{type(error).__name__}: {str(error)[:200]}")
+        gc.collect()
+    raise InputError(problem)
+
+
+@contextmanager
+def _without_remarks() -> Iterator[None]:
+    """Where a file cannot be opened, the destructor of asammdf fails too and Python would print that."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
-        with MDF(path) as file:
-            channels = [
-                (g, k, channel) for g, group in enumerate(file.groups) for k, channel in enumerate(group.channels)
-            ]
-            masters = dict(file.masters_db)
-            return _table(path, [(g, k, c.name, str(c.unit or "")) for g, k, c in channels], masters)
-    except Exception as error:  # noqa: BLE001 - asammdf raises many kinds for a damaged file
-        got = f"{type(error).__name__}: {str(error)[:200]}"
-        raise InputError(Problem(str(path), "an MDF file", got)) from None
+        yield
+    finally:
+        sys.unraisablehook = hook
 
 
 def _table(path: Path, channels: list[tuple[int, int, str, str]], masters: dict[int, int]) -> RawTable:

@@ -248,7 +248,7 @@ def _is_words(value) -> bool:
 
 
 def _words(row: Row) -> tuple[str, ...]:
-    names = row.get("name")
+    names: Any = row.get("name")
     return tuple(names) if _is_words(names) else ()
 
 

@@ -5,6 +5,7 @@ Whole numbers are subtracted before anything becomes a float: nanoseconds since 
 
 import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -30,7 +31,7 @@ class StampUnit:
     scale: float = 1.0
 
 
-def origin(stamps: np.ndarray):
+def origin(stamps: np.ndarray) -> Any:
     """The first stamp where stamps count from far away (dates, epochs), else 0."""
     if stamps.dtype.kind == "M":
         good = stamps[~np.isnat(stamps)]
@@ -42,7 +43,7 @@ def origin(stamps: np.ndarray):
     return good[0] if len(good) and abs(float(np.median(good))) > EPOCH[0] else 0.0
 
 
-def seconds(stamps: np.ndarray, unit: StampUnit, where: str, note: Note, start=None) -> np.ndarray:
+def seconds(stamps: np.ndarray, unit: StampUnit, where: str, note: Note, start: Any = None) -> np.ndarray:
     """Stamps (n,) as seconds, from `start` where given, from their own origin else. Raises InputError."""
     stamps = _typed(stamps, where)
     start = origin(stamps) if start is None else start

@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from cosim.measured.layout import COMMENT, DECIMAL_COMMA, SEPARATORS, TextLayout
 from cosim.measured.stamps import EXACT
 from cosim.measured.table import LazyColumns, RawTable
 
+EMPTY = (  # cells without a value
+    *("", "-", "NA", "N/A", "#N/A", "null", "NULL", "None"),
+    *("NaN", "nan", "-nan", "-NaN", "nan(ind)", "-nan(ind)"),
+)
 PIECE = 1 << 22  # characters that are rewritten at a time
 
 
@@ -62,7 +67,7 @@ def _short(layout: TextLayout, names: list[str]) -> dict[str, tuple[str, ...]]:
     return {other: tuple(meant) for other, meant in found.items()}
 
 
-def _read(path: Path, layout: TextLayout) -> tuple:
+def _read(path: Path, layout: TextLayout) -> tuple[Any, list[str]]:
     """The arrow table; a column that turns out to hold text further down is read again as text."""
     types = _types(layout)
     for attempt in range(5):
@@ -113,22 +118,7 @@ def _csv(path: Path, layout: TextLayout, types: list[str], bad: list[tuple[int, 
                 decimal_point=layout.decimal,
                 strings_can_be_null=True,
                 quoted_strings_can_be_null=True,
-                null_values=[
-                    "",
-                    "NA",
-                    "N/A",
-                    "#N/A",
-                    "NaN",
-                    "nan",
-                    "null",
-                    "NULL",
-                    "None",
-                    "-nan",
-                    "-NaN",
-                    "nan(ind)",
-                    "-nan(ind)",
-                    "-",
-                ],
+                null_values=list(EMPTY),
             ),
         )
 

@@ -1,5 +1,7 @@
 """The sections of the reports of `cosim arm`: text, tables and figures about one arm."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import evolve
 
@@ -25,7 +27,7 @@ POSES = ((0.0, 0.0, 0.0), (0.0, 0.3, 0.4), (0.0, 0.8, 0.9), (0.0, -0.4, 0.2))
 PARAMETER_NAMES = ("d1", "d2", "d3", "d4", "d5", "d6", "g7", "g8")
 
 
-def degrees(angles) -> list[float]:
+def degrees(angles: Sequence[float] | np.ndarray) -> list[float]:
     """Angles [rad] in degrees, as plain floats."""
     return np.rad2deg(np.asarray(angles, dtype=float)).tolist()
 

@@ -76,7 +76,7 @@ def definite_figure(params: ParameterSet, workspace: Workspace, found: Definiten
     for axis, value, name in zip(axes[0], values, names, strict=True):
         drawn = _map(axis, q, 1e3 * value, np.linspace(1e3 * value.min(), 1e3 * value.max(), 13), "viridis")
         axis.set(xlabel="q2 [deg]", ylabel="q3 [deg]", title=f"{params.name}: {name}")
-        fig.colorbar(drawn, ax=axis, label="[1e-3 kg m$^2$]", format="%.2f")
+        fig.colorbar(drawn, ax=axis, label="[1e-3 kg m²]", format="%.2f")
     axes[0, 0].plot(*np.rad2deg(found.pose), "o", color=RED, ms=7, label=f"least: {1e3 * found.least_yaw:.3f}e-3")
     axes[0, 0].legend(loc="upper left")
     return to_svg(fig)
@@ -96,7 +96,7 @@ def definite_maps_figure(sets: Sequence[ParameterSet], workspace: Workspace) -> 
         axis.set_ylabel("q3 [deg]")
     for axis in axes[-1]:
         axis.set_xlabel("q2 [deg]")
-    fig.colorbar(maps[-1], ax=axes, label="smallest eigenvalue of M [1e-3 kg m$^2$]", shrink=0.8)
+    fig.colorbar(maps[-1], ax=axes, label="smallest eigenvalue of M [1e-3 kg m²]", shrink=0.8)
     return to_svg(fig)
 
 

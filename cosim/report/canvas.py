@@ -71,7 +71,32 @@ def figure(rows: int = 1, cols: int = 1, width: float = 8.0, height: float = 4.5
     """An empty figure of `width` x `height` inches and its axes, an array (rows, cols), in the style of the reports."""
     with matplotlib.rc_context(_STYLE):
         fig = MplFigure(figsize=(width, height), layout="constrained")
-        return fig, fig.subplots(rows, cols, squeeze=False)
+        axes = fig.subplots(rows, cols, squeeze=False)
+    plain_texts(fig)
+    return fig, axes
+
+
+def plain_texts(fig: MplFigure) -> None:
+    """Titles, labels, legends and notes as they are written: a `$` of a name begins no formula.
+
+    Tick labels keep their formulas, and so does a text that is one (`set_parse_math` after this call).
+    """
+    for axes in fig.axes:
+        titles = [
+            getattr(axes, name) for name in ("title", "_left_title", "_right_title")
+        ]  # matplotlib has no other way
+        for text in (*titles, axes.xaxis.label, axes.yaxis.label):
+            text.set_parse_math(False)
+        legend = axes.get_legend()
+        for text in (*axes.texts, *(legend.get_texts() if legend is not None else ())):
+            text.set_parse_math(False)
+    for text in fig.texts:
+        text.set_parse_math(False)
+
+
+def label_of(name: str) -> str:
+    """A name in a legend; matplotlib leaves out what begins with an underscore."""
+    return f"\u200b{name}" if name.startswith("_") else name
 
 
 def to_svg(fig: MplFigure) -> str:
@@ -94,6 +119,7 @@ def _tidy(fig: MplFigure) -> None:
         legend = axes.get_legend()
         if legend is not None:
             legend.set_frame_on(False)
+    plain_texts(fig)
 
 
 def _inline(document: str) -> str:

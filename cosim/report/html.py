@@ -9,6 +9,8 @@ from pathlib import Path
 
 from attrs import field, frozen
 
+from cosim.results.saving import write_text
+
 
 @frozen
 class Code:
@@ -67,7 +69,7 @@ def write_report(report: Report, path: Path | str) -> Path:
     """Write the report as one HTML file and return its path; folders are made."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(render(report), encoding="utf-8")
+    write_text(render(report), path)
     return path
 
 

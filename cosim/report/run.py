@@ -8,7 +8,20 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.table import SignalColumns, stacked
 from cosim.errors import InputError, Problem
 from cosim.report.applications import application_sections
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREEN, GREY, ORANGE, Axes, MplFigure, figure, to_svg
+from cosim.report.canvas import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    Axes,
+    MplFigure,
+    figure,
+    label_of,
+    plain_texts,
+    to_svg,
+)
 from cosim.report.html import Figure, Report, Section, Table, cell
 from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.provenance import provenance
@@ -32,6 +45,7 @@ def run_report(judged: Judged) -> Report:
         _forces(result),
         _delays(result),
         _others(result),
+        _messages(result),
         _wiring(judged),
         _components(judged),
     ]
@@ -98,6 +112,15 @@ def _found(judged: Judged) -> Section:
     )
 
 
+def _messages(result: Result) -> Section | None:
+    """What FMUs said, each message once."""
+    if not result.messages:
+        return None
+    rows = [(m.component, m.level, m.text, str(m.count), f"{m.time:g}") for m in result.messages]
+    table = Table(("component", "level", "message", "times", "first at [s]"), rows)
+    return Section("Messages of the FMUs", "Messages that differ in numbers only are counted as one.", [table])
+
+
 def _tracking_rows(judged: Judged) -> list[tuple[str, object]]:
     if judged.tracking is None:
         return []
@@ -149,7 +172,7 @@ def _components(judged: Judged) -> Section:
         for key, values in vector_starts(starts).items():
             variable = description.variables[description.elements(key)[0]]
             shown = (
-                variable.items[int(values[0]) - 1]
+                variable.item(values[0])
                 if variable.items
                 else values[0]
                 if len(values) == 1
@@ -206,10 +229,14 @@ def plain_figure(result: Result) -> MplFigure:
     """
     arms = result.scenario.arms
     if arms is not None and all(f"{arm}.x[1]" in result.signals for arm in arms):
-        return _tips(result)
+        fig = _tips(result)
+        plain_texts(fig)
+        return fig
     if not result.signals:
         raise InputError(Problem("plot", "a run with recorded signals", "one without"))
-    return _stack(result, list(grouped(result.signals)))
+    fig = _stack(result, list(grouped(result.signals)))
+    plain_texts(fig)
+    return fig
 
 
 def _tips(result: Result) -> MplFigure:
@@ -217,8 +244,8 @@ def _tips(result: Result) -> MplFigure:
     time, x_l, x_r = result.time[rows], result.vector(f"{local}.x")[rows], result.vector(f"{remote}.x")[rows]
     fig, axes = figure(4, 1, 9.5, 7.2)
     for axis, (plot, name) in enumerate(zip(axes[:3, 0], "xyz")):
-        plot.plot(time, x_l[:, axis] * 1e3, color=BLUE, label=local)
-        plot.plot(time, x_r[:, axis] * 1e3, color=ORANGE, linestyle=(0, (4, 2)), label=remote)
+        plot.plot(time, x_l[:, axis] * 1e3, color=BLUE, label=label_of(local))
+        plot.plot(time, x_r[:, axis] * 1e3, color=ORANGE, linestyle=(0, (4, 2)), label=label_of(remote))
         plot.set_ylabel(f"{name} [mm]")
     _legend(axes[0, 0], 2)
     axes[3, 0].plot(time, np.linalg.norm(x_l - x_r, axis=1) * 1e3, color=BLACK)
@@ -240,7 +267,7 @@ def _path(result: Result) -> str:
     for plot, (a, b) in zip(axes[0], ((0, 1), (2, 1), (0, 2))):
         for arm, colour, style in ((local, BLUE, "-"), (remote, ORANGE, (0, (4, 2)))):
             x = result.vector(f"{arm}.x")[rows] * 1e3
-            plot.plot(x[:, a], x[:, b], color=colour, linestyle=style, label=arm)
+            plot.plot(x[:, a], x[:, b], color=colour, linestyle=style, label=label_of(arm))
             plot.plot(x[:1, a], x[:1, b], "o", color=colour, markersize=4)
         plot.set_xlabel(f"{'xyz'[a]} [mm]")
         plot.set_ylabel(f"{'xyz'[b]} [mm]")

@@ -303,7 +303,7 @@ def _facts(wiring: Wiring, name: str) -> list[str]:
             facts.append(f"{symbol} {', '.join(values if len(set(values)) > 1 else values[:1])} {unit}")
     law = description.variables.get("law")
     if law is not None and "law" in starts:
-        facts.append(_delay(law.items[int(starts["law"]) - 1], starts))
+        facts.append(_delay(law.item(starts["law"]), starts))
     if component.step_multiple > 1:
         facts.append(f"every {component.step_multiple} steps")
     return [fact if len(fact) <= 22 else fact[:21] + "…" for fact in facts[:4]]

@@ -5,8 +5,11 @@ Layout of the HDF5 file: `/time` (n,) and `/signals/<component>/<name>` (n, elem
 scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes.
 """
 
+import csv
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +19,17 @@ from cosim.engine.master import Identity, Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import blocks
 from cosim.errors import InputError, Problem
+from cosim.fmu.messages import FmuMessage
+from cosim.results.disk import DiskFile
 from cosim.results.provenance import provenance
+from cosim.results.saving import whole
 from cosim.scenario import load_text, to_toml
 from cosim.signals import grouped
 
 FORMAT = 1
+_BESIDE = 2048  # bytes of a signal beside its values
+_DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, MemoryError, InputError)
+"""What h5py and our own readers say of a file that is none of ours, or no longer."""
 
 
 def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str] | None = None) -> Path:
@@ -31,16 +40,23 @@ def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str]
     import h5py
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(partial, "w") as file:
-            _write(file, result)
-            file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with _whole(path, 8 * len(result.time) * (1 + len(result.signals)) + _BESIDE * (8 + len(result.signals))) as file:
+        _write(file, result)
+        file.create_dataset("starts", data=json.dumps(dict(starts or {})), dtype=h5py.string_dtype())
     return path
+
+
+@contextmanager
+def _whole(path: Path, size: int, **options: Any) -> Iterator[Any]:
+    """An HDF5 file to write about `size` bytes to, complete or not there. Raises OSError (disk full, not writable)."""
+    import h5py
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole(path) as partial, DiskFile(partial, size) as disk:
+        with h5py.File(disk, "w", **options) as file:
+            yield file
+        if disk.error is not None:
+            raise disk.error
 
 
 def _write(file: Any, result: Result) -> None:
@@ -53,18 +69,26 @@ def _write(file: Any, result: Result) -> None:
     for key, value in provenance(result).items():
         file.attrs[key] = value if isinstance(value, (str, int)) else json.dumps(value)
     file.attrs["signals"] = json.dumps(list(result.signals))
+    file.attrs["messages"] = json.dumps([message.to_dict() for message in result.messages])
     file.create_dataset("time", data=result.time).attrs["unit"] = "s"
+    file.create_group("signals")
     places, count = {name: k for k, name in enumerate(result.signals)}, len(result.time)
     written = []
     for name, elements in grouped(result.signals).items():
         component, _, variable = name.partition(".")
-        data = file.create_dataset(f"signals/{component}/{variable}", (count, len(elements)), dtype=float)
-        data.attrs["unit"] = result.units[elements[0]]
+        place = f"signals/{_member(component)}/{_member(variable)}"
+        data = file.create_dataset(place, (count, len(elements)), dtype=float)
+        data.attrs["component"], data.attrs["unit"] = component, result.units[elements[0]]
         data.attrs["elements"] = json.dumps([element.partition(".")[2] for element in elements])
         written.append((data, [places[element] for element in elements]))
     for first, values in blocks(result.signals):
         for data, chosen in written:
             data[first : first + len(values)] = values[:, chosen]
+
+
+def _member(name: str) -> str:
+    """A name as a member of a group: a slash, which parts groups, and a name of dots alone are written otherwise."""
+    return name.replace("/", "∕") if name.strip(".") else name.replace(".", "․")
 
 
 def read_starts(path: Path | str) -> dict[str, float | str]:
@@ -74,8 +98,12 @@ def read_starts(path: Path | str) -> dict[str, float | str]:
     try:
         with h5py.File(path, "r") as file:
             return _starts(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
+
+
+def _said(error: Exception) -> str:
+    return f"one that is damaged ({type(error).__name__}: {error})"
 
 
 def _starts(file: Any) -> dict[str, float | str]:
@@ -89,14 +117,15 @@ def read_h5(path: Path | str) -> Result:
     try:
         with h5py.File(path, "r") as file:
             return _read(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a result of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
 
 
 def _read(file: Any) -> Result:  # h5py's types do not know that a member is a group
     signals, units = {}, {}
-    for component, variables in file["signals"].items():
+    for group, variables in file["signals"].items():
         for data in variables.values():
+            component = data.attrs.get("component", group)
             values = data[...]
             for column, element in enumerate(json.loads(data.attrs["elements"])):
                 signals[f"{component}.{element}"] = values[:, column]
@@ -114,15 +143,19 @@ def _read(file: Any) -> Result:  # h5py's types do not know that a member is a g
         file.attrs["message"],
         float(file.attrs["wall_time"]),
         fmus,
+        messages=tuple(FmuMessage.of(entry) for entry in json.loads(file.attrs.get("messages", "[]"))),
     )
 
 
 def export_csv(result: Result, path: Path | str) -> Path:
-    """Write the signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, a line per row, 17 digits."""
+    """Write the signals as a CSV file: a header line `time [s],arm_l.q[1] [rad],...`, a line per row, 17 digits.
+
+    A name with a comma, a quote or a line end stands in quotes (RFC 4180).
+    """
     path = Path(path)
-    header = ",".join(["time [s]"] + [f"{name} [{result.units[name]}]" for name in result.signals])
-    with open(path, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write(header + "\n")
+    with whole(path) as partial, open(partial, "w", encoding="utf-8", newline="") as stream:
+        header = ["time [s]", *(f"{name} [{result.units[name]}]" for name in result.signals)]
+        csv.writer(stream, lineterminator="\n").writerow(header)
         for first, values in blocks(result.signals):
             stream.writelines(
                 ",".join(map(repr, row)) + "\n"
@@ -132,17 +165,34 @@ def export_csv(result: Result, path: Path | str) -> Path:
 
 
 def export_mat(result: Result, path: Path | str) -> Path:
-    """Write a MATLAB file: `time`, a struct `signals.<component>.<name>` (n, elements), a struct `units` alike."""
+    """Write a MATLAB file: `time`, a struct `signals.<component>.<name>` (n, elements), a struct `units` alike.
+
+    A name that is none for MATLAB is changed; `names` has the fields of `signals` with the names as they are.
+    """
     from scipy.io import savemat
 
-    signals, units = {}, {}
+    signals, units, names = {}, {}, {}
     for name, elements in grouped(result.signals).items():
         component, _, variable = name.partition(".")
-        signals.setdefault(component, {})[variable] = np.column_stack([result.signals[e] for e in elements])
-        units.setdefault(component, {})[variable] = result.units[elements[0]]
-    content = {"time": result.time[:, None], "signals": signals, "units": units, "outcome": result.outcome.value}
-    savemat(path, content | {"scenario": to_toml(result.scenario)}, long_field_names=True, do_compression=True)
+        group = _field(component, {key: value["component"] for key, value in names.items()})
+        known = names.setdefault(group, {"component": component})
+        member = _field(variable, known)
+        known[member] = variable
+        signals.setdefault(group, {})[member] = np.column_stack([result.signals[e] for e in elements])
+        units.setdefault(group, {})[member] = result.units[elements[0]]
+    content = {"time": result.time[:, None], "signals": signals, "units": units, "names": names}
+    content |= {"outcome": result.outcome.value, "scenario": to_toml(result.scenario)}
+    with whole(Path(path)) as partial, open(partial, "wb") as stream:
+        savemat(stream, content, long_field_names=True, do_compression=True)
     return Path(path)
+
+
+def _field(name: str, known: Mapping[str, str]) -> str:
+    """A name as a field of a MATLAB struct, other than the fields of other names: letters, digits, underscores."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:55]
+    plain = plain if re.match(r"[A-Za-z]", plain) else f"x{plain}"
+    tries = (plain, *(f"{plain}_{k}" for k in range(2, 1000)))
+    return next(field for field in tries if known.get(field, name) == name)
 
 
 def write_table(
@@ -159,20 +209,15 @@ def write_table(
     import h5py
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(partial, "w", track_order=True) as file:
-            file.attrs.update({"format": FORMAT, **attributes})
-            group = file.create_group("columns", track_order=True)
-            for name, values in columns.items():
-                text = any(isinstance(value, str) for value in values)
-                data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
-                if name in units:
-                    data.attrs["unit"] = units[name]
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    size = sum(16 + len(value) if isinstance(value, str) else 8 for values in columns.values() for value in values)
+    with _whole(path, size + _BESIDE * (4 + len(columns)), track_order=True) as file:
+        file.attrs.update({"format": FORMAT, **attributes})
+        group = file.create_group("columns", track_order=True)
+        for name, values in columns.items():
+            text = any(isinstance(value, str) for value in values)
+            data = group.create_dataset(name, data=list(values), dtype=h5py.string_dtype() if text else float)
+            if name in units:
+                data.attrs["unit"] = units[name]
     return path
 
 
@@ -183,8 +228,8 @@ def read_table(path: Path | str) -> dict[str, list[float | str]]:
     try:
         with h5py.File(path, "r") as file:
             return _columns(file)
-    except (OSError, KeyError) as error:
-        raise InputError(Problem(str(path), "a table of cosim", str(error))) from None
+    except _DAMAGED as error:
+        raise InputError(Problem(str(path), "a table of cosim", _said(error))) from None
 
 
 def _columns(file: Any) -> dict[str, list[float | str]]:

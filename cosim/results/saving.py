@@ -1,35 +1,61 @@
-"""Files of a result written one after another; what fits on a full disk is kept."""
+"""Files of a result written one after another, each complete or not there; what fits on a full disk is kept."""
 
 import json
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A file beside `path` to write to, which becomes `path` at the end, or is gone where anything went wrong."""
+    partial = path.with_name(path.name + ".part")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_text(text: str, path: Path) -> Path:
+    """Write a text in UTF-8; the file is complete or not there. Raises OSError."""
+    with whole(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return path
 
 
 def write_json(content: Mapping[str, object], path: Path, indent: int = 2) -> Path:
     """Write plain data as JSON; the file is complete or not there."""
-    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
-    partial = path.with_name(path.name + ".part")
-    try:
-        partial.write_text(text + "\n", encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
+    return write_text(json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n", path)
 
 
-def save_files(folder: Path, files: Mapping[str, Callable[[Path], object]]) -> None:
-    """Write every file by its function, in order. Raises OSError at the end where some were lost (a full disk)."""
-    lost = []
+def save_files(folder: Path, files: Mapping[str, Callable[[Path], object]], former: Iterable[str] = ()) -> None:
+    """Write every file by its function, in order. Raises OSError at the end where some were lost (a full disk).
+
+    Files of those names, and of the names in `former`, that an earlier result has left go first: a folder never holds
+    parts of two. Ctrl-C (the first one) is heeded when all is written.
+    """
+    for name in (*files, *former):
+        with suppress(OSError):  # a folder of that name: what is written there will say so
+            (folder / name).unlink()
+    lost, stopped = [], False
     for name, write in files.items():
         try:
-            write(folder / name)
+            try:
+                write(folder / name)
+            except KeyboardInterrupt:
+                if stopped:
+                    raise
+                stopped = True
+                write(folder / name)
         except (OSError, RuntimeError) as error:  # the latter from HDF5
-            (folder / name).unlink(missing_ok=True)
             lost.append(f"{folder / name}: {reason(error)}")
     if lost:
         raise OSError(f"not written: {'; '.join(lost)}; free space, or name another folder with --out, and run again")
+    if stopped:
+        raise KeyboardInterrupt
 
 
 def reason(error: Exception) -> str:

@@ -96,6 +96,7 @@ def summary(judged: Judged) -> dict[str, object]:
         "versions": versions(),
         "command": command_line(),
         "notes": list(judged.notes),
+        "messages": [message.to_dict() for message in result.messages],
     }
 
 

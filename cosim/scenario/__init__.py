@@ -12,8 +12,10 @@ from cosim.scenario.parts import (
     Algorithm,
     Component,
     Connection,
+    Conversion,
     Experiment,
     Extrapolation,
+    FmuLogging,
     Teleoperation,
 )
 from cosim.scenario.scenario import Scenario
@@ -25,8 +27,10 @@ __all__ = [
     "Algorithm",
     "Component",
     "Connection",
+    "Conversion",
     "Experiment",
     "Extrapolation",
+    "FmuLogging",
     "Scenario",
     "Teleoperation",
     "draft",

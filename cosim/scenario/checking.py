@@ -42,8 +42,12 @@ def _check_experiment(scenario: ScenarioParts, where: str) -> list[Problem]:
         problems.append(
             Problem(f"{where}.stop", f"a whole number of steps of {e.step} s", f"{e.stop} s", f"{near:.12g} s is one")
         )
-    if e.seed < 0:
-        problems.append(Problem(f"{where}.seed", "0 or more", str(e.seed)))
+    if e.record_every >= 2**31:
+        problems.append(Problem(f"{where}.record_every", "less than 2147483648 steps", str(e.record_every)))
+    if not 0 <= e.seed < 2**31:
+        problems.append(Problem(f"{where}.seed", "0 to 2147483647, which an FMU's integer holds", str(e.seed)))
+    if e.tolerance is not None and not (math.isfinite(e.tolerance) and e.tolerance > 0):
+        problems.append(Problem(f"{where}.tolerance", "a positive number", str(e.tolerance)))
     if e.fmi not in (2, 3):
         problems.append(Problem(f"{where}.fmi", "2 or 3", str(e.fmi)))
     for name in e.order:

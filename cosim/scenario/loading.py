@@ -11,6 +11,7 @@ from cosim.scenario.checking import check
 from cosim.scenario.parts import FORMAT, Component, Experiment, Teleoperation
 from cosim.scenario.reading import connections_of, record_of, table_of, unknown_keys
 from cosim.scenario.scenario import Scenario
+from cosim.scenario.ssp_grammar import STRUCTURE
 
 _TOP = {
     "format",
@@ -60,25 +61,31 @@ def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | No
 
 
 def load_scenario(
-    name_or_path: str | Path, overrides: Sequence[str] = (), effects: Path | str | None = None
+    name_or_path: str | Path,
+    overrides: Sequence[str] = (),
+    effects: Path | str | None = None,
+    allow_outside: bool = False,
 ) -> Scenario:
-    """A shipped scenario by name or a TOML file by path, with `path=value` overrides and an effects file applied.
+    """A shipped scenario by name, or a TOML or SSP file by path, with `path=value` overrides and an effects file.
 
     Order of precedence: `parameter_set`, the file's parameters, the effects file, the overrides.
-    Raises InputError with every problem found.
+    allow_outside: whether an SSP may name files outside itself. Raises InputError with every problem found.
     """
-    scenario, problems = draft(name_or_path, overrides, effects)
+    scenario, problems = draft(name_or_path, overrides, effects, allow_outside)
     if problems or scenario is None:
         raise InputError(problems)
     return scenario
 
 
 def draft(
-    name_or_path: str | Path, overrides: Sequence[str] = (), effects: Path | str | None = None
+    name_or_path: str | Path,
+    overrides: Sequence[str] = (),
+    effects: Path | str | None = None,
+    allow_outside: bool = False,
 ) -> tuple[Scenario | None, list[Problem]]:
     """As `load_scenario`, but returns the problems and, where it can be read at all, what is right of the scenario."""
     path = _find(name_or_path)
-    table = table_of(path)
+    table = table_of(path, allow_outside)
     problems: list[Problem] = []
     scenario = structure(table, path, problems)
     if scenario is None:
@@ -112,8 +119,9 @@ def with_parameters(scenario: Scenario, values: Mapping[str, object]) -> Scenari
 
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if path.suffix in (".toml", ".ssp") or path.is_file():
-        if path.is_file():
+    in_folder = (path / STRUCTURE).is_file()
+    if path.suffix in (".toml", ".ssp", ".ssd") or path.is_file() or in_folder:
+        if path.is_file() or in_folder:
             return path.resolve()
         raise InputError(Problem(str(path), "a scenario file", "no such file"))
     known = {entry.stem: entry for entry in shipped()}

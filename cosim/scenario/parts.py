@@ -26,12 +26,32 @@ class Extrapolation(Enum):
     LINEAR = "linear"
 
 
+class FmuLogging(Enum):
+    """What is kept of the messages of FMUs: all, warnings and errors, or those that come although logging is off."""
+
+    OFF = "off"
+    WARNINGS = "warnings"
+    ALL = "all"
+
+
+class Conversion(Enum):
+    """What a connection does to a value where the types of its ends differ; it must be wished for."""
+
+    ROUND = "round"
+    FLOOR = "floor"
+    CEIL = "ceil"
+    NONZERO = "nonzero"
+    NUMBER = "number"
+
+
 @frozen
 class Experiment:
     """How long [s], in which communication steps [s, whole nanoseconds], by which algorithm.
 
     `order` fixes the order of Gauss-Seidel (empty: found from the wiring); every `record_every`-th step is kept; a run
-    ends as diverged once the absolute value of an output passes `bound`; `seed` goes to every component with a `seed`.
+    ends as diverged once an output passes `bound` times its usual size (see cosim.wiring.bounds); `seed` goes to every
+    component with a `seed`; FMUs are told `tolerance` (None: that of their default experiment) and the stop time;
+    `record` names variables to record beside the outputs, `a.local_*`.
     """
 
     stop: float
@@ -43,6 +63,9 @@ class Experiment:
     fmi: int = 2
     seed: int = 0
     bound: float = 1e6
+    tolerance: float | None = None
+    logging: FmuLogging = FmuLogging.WARNINGS
+    record: tuple[str, ...] = ()
 
     @property
     def step_ns(self) -> int:
@@ -65,6 +88,7 @@ class Component:
     """An FMU instance: of one of our models, of a file, or of a recording (columns of a CSV, played back as y[1], y[2],
     ...).
 
+    A recording's stamps are moved by `offset` [s] to the time of the run; with `repeat` it begins again at its end.
     `parameters` maps FMU parameter names (`q_start`, a list or one value for all elements, or `q_start[2]`) to values;
     `parameter_set` names one of the arm's published sets, which `parameters` override.
     """
@@ -77,6 +101,8 @@ class Component:
     interpolation: Extrapolation = Extrapolation.LINEAR
     unit: str = ""
     scale: float = 1.0
+    offset: float = 0.0
+    repeat: bool = False
     step_multiple: int = 1
     parameter_set: str | None = None
     parameters: Mapping[str, object] = field(factory=dict)
@@ -89,13 +115,18 @@ class Component:
 
 @frozen
 class Connection:
-    """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`)."""
+    """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`).
+
+    conversion: what is done where the types differ, written `a.x -> b.n (round)`; None: they must not.
+    """
 
     source: Signal
     target: Signal
+    conversion: Conversion | None = None
 
     def __str__(self) -> str:
-        return f"{self.source} -> {self.target}"
+        wish = f" ({self.conversion.value})" if self.conversion else ""
+        return f"{self.source} -> {self.target}{wish}"
 
 
 @frozen

@@ -11,20 +11,23 @@ from typing import Any, TypeVar
 from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
-from cosim.scenario.parts import Algorithm, Connection, Extrapolation
+from cosim.scenario.parts import Algorithm, Connection, Conversion, Extrapolation, FmuLogging
 from cosim.signals import Signal
 
 Record = TypeVar("Record", bound=AttrsInstance)
 
 
-def table_of(path: Path) -> dict:
-    """The table of a TOML file, or that of an SSP archive."""
-    if path.suffix != ".ssp":
+def table_of(path: Path, allow_outside: bool = False) -> dict:
+    """The table of a TOML file, or that of an SSP: an archive, a folder, or the .ssd file in one."""
+    if path.suffix not in (".ssp", ".ssd") and not path.is_dir():
         return read_toml(path)
     from build_fmus.cache import cache_folder
     from cosim.scenario.ssp import read_ssp
 
-    return read_ssp(path, cache_folder() / "ssp")
+    try:
+        return read_ssp(path, cache_folder() / "ssp", allow_outside)
+    except ValueError as error:
+        raise InputError(Problem(str(path), "numbers where the standard wants them", str(error))) from None
 
 
 def read_toml(path: Path) -> dict:
@@ -69,13 +72,17 @@ def _converter():
     converter.register_structure_hook(float, lambda value, _: float(_strict(value, (int, float), "a number")))
     converter.register_structure_hook(int, lambda value, _: _strict(value, int, "a whole number"))
     converter.register_structure_hook(str, lambda value, _: _strict(value, str, "text"))
+    converter.register_structure_hook(bool, lambda value, _: _strict(value, bool, "true or false"))
     converter.register_structure_hook(
         str | None, lambda value, _: None if value is None else _strict(value, str, "text")
+    )
+    converter.register_structure_hook(
+        float | None, lambda value, _: None if value is None else float(_strict(value, (int, float), "a number"))
     )
     converter.register_structure_hook_func(
         lambda kind: kind == Mapping[str, object], lambda value, _: dict(_strict(value, dict, "a table"))
     )
-    for kind in (Algorithm, Extrapolation):
+    for kind in (Algorithm, Extrapolation, FmuLogging):
         converter.register_structure_hook(kind, _member)
     return converter
 
@@ -119,17 +126,25 @@ def _key(error: Exception) -> str:
     return f".{error.args[0]}" if isinstance(error, KeyError) and error.args else ""
 
 
-_WIRE = re.compile(r"^\s*(?P<source>[^\s]+)\s*->\s*(?P<target>[^\s]+)\s*$")
+_WIRE = re.compile(r"^\s*(?P<source>\S.*?)\s*->\s*(?P<target>\S.*?)(\s+\((?P<wish>\w+)\))?\s*$")
 
 
 def connections_of(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
     """The connections of a table; what is wrong with an entry is added to `problems`."""
     found = []
     for number, entry in enumerate(entries if isinstance(entries, list) else [entries], start=1):
+        if isinstance(entry, Connection):  # an SSP's names may hold what the text of a connection cannot
+            found.append(entry)
+            continue
         match = _WIRE.match(entry) if isinstance(entry, str) else None
         place = f"{where}: connections, line {number}"
         if match is None or not all("." in match[end] for end in ("source", "target")):
             problems.append(Problem(place, "'component.output -> component.input'", repr(entry)))
+            continue
+        wishes = [conversion.value for conversion in Conversion]
+        if match["wish"] is not None and match["wish"] not in wishes:
+            advice = did_you_mean(match["wish"], wishes)
+            problems.append(Problem(place, f"({') or ('.join(wishes)})", f"({match['wish']})", advice))
             continue
         ends = [Signal(*match[end].split(".", 1)) for end in ("source", "target")]
         strangers = [end for end in ends if end.component not in known]
@@ -140,5 +155,6 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
             for s in strangers
         ]
         if not strangers:
-            found.append(Connection(*ends))
+            wish = Conversion(match["wish"]) if match["wish"] else None
+            found.append(Connection(ends[0], ends[1], wish))
     return tuple(found)

@@ -1,179 +1,85 @@
-"""An SSP 1.0 archive as the table of a scenario, so that `cosim run SYSTEM.ssp` simulates what another tool wired.
+"""An SSP as the table of a scenario, so that `cosim run SYSTEM.ssp` simulates what another tool wired.
 
-What is read: components that are FMUs, the connections between them, parameter values of components and system (inline
-or in .ssv files of the archive), the stop time, the communication step from the Open Simulation Platform's annotation,
-and the master algorithm from our own. A warning names what an archive leaves open. Nested systems, parameter mappings,
-linear transformations and connections of the system's own connectors are refused by name.
+What is read: systems in systems with their connectors, FMUs (files or folders), signal dictionaries, parameter values
+at every level, inline or in .ssv files, with prefix, units and mapping (.ssm), the stop time, and what annotations say
+of the step and the algorithm. The list is in ssp_grammar; all else is refused with file and line.
 """
 
-import hashlib
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as xml
 
-from cosim.errors import InputError, Problem
-
-_SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
-_SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
-_OSP = "{http://opensimulationplatform.com/SSP/OSPAnnotations}"
-_DEFAULT_STEP = 1e-3
-
-VENDOR = "io.github.haptic-cosim"
-"""Type of the annotation that names the master's algorithm."""
-MASTER = "https://haptic-cosim.github.io/ssp/master"
-"""Namespace of that annotation: Algorithm (name, extrapolation) with a Component (name, stepMultiple) each, in the
-order of stepping.
-"""
+from cosim.errors import did_you_mean
+from cosim.scenario.ssp_document import Findings, children, first, parse
+from cosim.scenario.ssp_experiment import experiment_of
+from cosim.scenario.ssp_files import SspFiles, open_ssp
+from cosim.scenario.ssp_tree import ElementPath, SspTree, read_tree
+from cosim.scenario.ssp_units import Units, units_in
+from cosim.scenario.ssp_values import SspParameter, Value, bound, start_value
+from cosim.scenario.ssp_wires import wires
 
 
-def read_ssp(path: Path, folder: Path) -> dict:
-    """The scenario table (see cosim.scenario) of an SSP archive; its FMUs are unpacked below `folder`.
+def read_ssp(path: Path, cache: Path, allow_outside: bool = False) -> dict[str, Any]:
+    """The scenario table (see cosim.scenario) of an SSP: an archive, a folder, or the .ssd file in one.
 
+    cache: where archives are unpacked; allow_outside: whether sources may lie outside the archive or folder.
     Raises InputError with every problem found.
     """
-    unpacked = _unpack(path, folder)
-    try:
-        root = xml.parse(unpacked / "SystemStructure.ssd").getroot()
-    except (OSError, xml.ParseError) as error:
-        raise InputError(Problem(str(path), "an SSP archive with a SystemStructure.ssd", str(error))) from None
-    system = root.find(f"{_SSD}System")
+    files, findings = open_ssp(path, cache, allow_outside), Findings()
+    root = parse(files.structure.read_bytes(), files.label(files.structure), "ssd:SystemStructureDescription", findings)
+    findings.settle()
+    assert root is not None
+    system = first(root, "ssd:System")
     if system is None:
-        raise InputError(Problem(str(path), "a System", "none in SystemStructure.ssd"))
-    problems = list(_unsupported(system, path))
-    if problems:
-        raise InputError(problems)
-    elements = system.iterfind(f"{_SSD}Elements/{_SSD}Component")
-    components = {element.get("name", ""): _component(element, unpacked) for element in elements}
-    _system_parameters(system, unpacked, components)
-    connections = [
-        f"{c.get('startElement')}.{c.get('startConnector')} -> {c.get('endElement')}.{c.get('endConnector')}"
-        for c in _forward(system)
-    ]
-    warnings: list[str] = []
-    experiment: dict[str, object] = {"stop": _stop(root), "step": _step(root, path, warnings)} | _master(
-        root, path, components, warnings
-    )
+        findings.refuse(root, "a System", "none")
+        findings.settle()
+    assert system is not None
+    units = units_in(children(root, "ssd:Units/ssc:Unit"), findings)
+    tree = read_tree(system, files, units, findings)
+    components = _components(tree, files, units, findings)
+    connections = list(wires(tree, units, findings))
+    experiment = experiment_of(root, files.name, components, findings)
+    findings.settle()
     return {
         "name": path.stem,
         "title": root.get("name") or path.stem,
         "experiment": experiment,
         "components": components,
         "connections": connections,
-        "warnings": warnings,
+        "warnings": findings.warnings,
     }
 
 
-def _unpack(path: Path, folder: Path) -> Path:
-    """The archive's contents in a folder named after their hash."""
-    try:
-        target = folder / hashlib.sha256(path.read_bytes()).hexdigest()[:24]
-        if not target.is_dir():
-            with zipfile.ZipFile(path) as archive:
-                archive.extractall(target)
-        return target
-    except (OSError, zipfile.BadZipFile) as error:
-        raise InputError(Problem(str(path), "an SSP archive", str(error))) from None
-
-
-def _unsupported(system: xml.Element, path: Path) -> Iterator[Problem]:
-    where = f"{path.name}: System {system.get('name', '')}"
-    for nested in system.iterfind(f"{_SSD}Elements/{_SSD}System"):
-        yield Problem(
-            where, "components only", f"the nested system {nested.get('name')}", "flatten it in the tool that made it"
-        )
-    for component in system.iterfind(f"{_SSD}Elements/{_SSD}Component"):
-        if component.get("type", "application/x-fmu-sharedlibrary") != "application/x-fmu-sharedlibrary":
-            yield Problem(where, "components that are FMUs", f"{component.get('name')} of type {component.get('type')}")
-    for connection in system.iterfind(f"{_SSD}Connections/{_SSD}Connection"):
-        if not (connection.get("startElement") and connection.get("endElement")):
-            yield Problem(
-                where, "connections between components", "one of the system's own connectors", "wire it inside"
-            )
-        if len(connection):
-            yield Problem(where, "plain connections", f"a transformation on {connection.get('endConnector')}")
-    for mapping in system.iter(f"{_SSD}ParameterMapping"):
-        yield Problem(
-            where,
-            "parameter values by the FMU's own names",
-            "a parameter mapping",
-            f"in {mapping.get('source', 'line')}",
-        )
-
-
-def _forward(system: xml.Element) -> Iterator[xml.Element]:
-    """Connections from outputs to inputs: SSP lets start and end stand either way round."""
-    kinds = {
-        (component.get("name"), connector.get("name")): connector.get("kind")
-        for component in system.iterfind(f"{_SSD}Elements/{_SSD}Component")
-        for connector in component.iterfind(f"{_SSD}Connectors/{_SSD}Connector")
+def _components(tree: SspTree, files: SspFiles, units: Units, findings: Findings) -> dict[str, dict[str, Any]]:
+    """The components with their start values: those of systems count more than those inside, later ones more."""
+    tables: dict[str, dict[str, Any]] = {
+        c.name: {"fmu": str(c.fmu), "parameters": {}} for c in tree.components.values()
     }
-    for connection in system.iterfind(f"{_SSD}Connections/{_SSD}Connection"):
-        if kinds.get((connection.get("startElement"), connection.get("startConnector"))) == "input":
-            for key in ("Element", "Connector"):
-                start, end = connection.get(f"start{key}", ""), connection.get(f"end{key}", "")
-                connection.set(f"start{key}", end)
-                connection.set(f"end{key}", start)
-        yield connection
+    for path in sorted((*tree.components, *tree.systems), key=len, reverse=True):
+        element = tree.components[path].element if path in tree.components else tree.systems[path]
+        for parameter in bound(element, files, units, findings):
+            for holder, variable, value in _values(parameter, path, tree, findings):
+                tables[tree.components[holder].name]["parameters"][variable] = value
+    return tables
 
 
-def _component(component: xml.Element, unpacked: Path) -> dict[str, Any]:
-    return {"fmu": str(unpacked / component.get("source", "")), "parameters": dict(_parameters(component, unpacked))}
-
-
-def _system_parameters(system: xml.Element, unpacked: Path, components: dict[str, dict[str, Any]]) -> None:
-    """Values of the system take precedence over those of its components: `arm_l.q_start[1]`."""
-    for name, value in _parameters(system, unpacked):
-        component, _, variable = name.partition(".")
-        if component in components and variable:
-            components[component]["parameters"][variable] = value
-
-
-def _parameters(element: xml.Element, unpacked: Path) -> Iterator[tuple[str, object]]:
-    for binding in element.iterfind(f"{_SSD}ParameterBindings/{_SSD}ParameterBinding"):
-        source = binding.get("source")
-        scope = xml.parse(unpacked / source).getroot() if source else binding
-        for parameter in scope.iter(f"{_SSV}Parameter"):
-            for value in parameter:
-                yield parameter.get("name", ""), _value(value)
-
-
-def _value(element: xml.Element) -> object:
-    kind, text = element.tag.rpartition("}")[2], element.get("value", "")
-    if kind == "Boolean":
-        return text in ("true", "1")
-    return {"Real": float, "Integer": int}.get(kind, str)(text)
-
-
-def _stop(root: xml.Element) -> float:
-    default = root.find(f"{_SSD}DefaultExperiment")
-    return float(default.get("stopTime", 10.0)) if default is not None else 10.0
-
-
-def _step(root: xml.Element, path: Path, warnings: list[str]) -> float:
-    algorithm = next(root.iter(f"{_OSP}FixedStepAlgorithm"), None)
-    if algorithm is None:
-        warnings.append(
-            f"{path.name} names no communication step: {_DEFAULT_STEP} s is taken; --set experiment.step changes it"
-        )
-        return _DEFAULT_STEP
-    return float(algorithm.get("baseStepSize", _DEFAULT_STEP))
-
-
-def _master(
-    root: xml.Element, path: Path, components: dict[str, dict[str, Any]], warnings: list[str]
-) -> dict[str, object]:
-    """Algorithm, extrapolation and order of the experiment; step multiples go to the components."""
-    found = root.find(f".//{{{MASTER}}}Algorithm")
-    if found is None:
-        warnings.append(
-            f"{path.name} names no master algorithm: jacobi with held inputs, as other SSP tools step it; "
-            "--set experiment.algorithm and experiment.extrapolation change it"
-        )
-        return {"algorithm": "jacobi", "extrapolation": "hold"}
-    order = [component.get("name", "") for component in found]
-    for name, component in zip(order, found):
-        if name in components:
-            components[name]["step_multiple"] = int(component.get("stepMultiple", 1))
-    return {"algorithm": found.get("name"), "extrapolation": found.get("extrapolation"), "order": order}
+def _values(
+    parameter: SspParameter, path: ElementPath, tree: SspTree, findings: Findings
+) -> Iterator[tuple[ElementPath, str, Value]]:
+    """The start values that a parameter of an element gives. SSP ignores one that no variable has the name of; it is
+    told.
+    """
+    holders = tree.holders(path, parameter.name)
+    if not holders:
+        whose = ".".join(path) or "the top system"
+        advice = did_you_mean(parameter.name, tree.known(path))
+        text = f"{parameter.name!r} of {whose} is no variable there and has no effect"
+        findings.tell(parameter.element, f"{text}; {advice}" if advice else text)
+    for holder, name in holders:
+        face = tree.components[holder].face
+        variable = None if face is None else face.variables.get(name)
+        if face is None or variable is None:
+            continue
+        value = start_value(parameter, variable, face, findings)
+        if value is not None:
+            yield holder, name, value

@@ -10,22 +10,22 @@ from cosim.scenario.parts import FORMAT, ScenarioParts
 
 def to_toml(scenario: ScenarioParts) -> str:
     """The scenario as the text of a TOML file that loads to the same scenario."""
-    lines = [f"format = {FORMAT}", f"name = {_value(scenario.name)}"]
-    lines += [f"{key} = {_value(text)}" for key in ("title", "description") if (text := getattr(scenario, key))]
-    lines += [f"warnings = {_value(scenario.warnings)}"] if scenario.warnings else []
-    lines += ["connections = ["] + [f"    {_value(str(c))}," for c in scenario.connections] + ["]"]
+    lines = [f"format = {FORMAT}", f"name = {toml_value(scenario.name)}"]
+    lines += [f"{key} = {toml_value(text)}" for key in ("title", "description") if (text := getattr(scenario, key))]
+    lines += [f"warnings = {toml_value(scenario.warnings)}"] if scenario.warnings else []
+    lines += ["connections = ["] + [f"    {toml_value(str(c))}," for c in scenario.connections] + ["]"]
     lines += ["", "[experiment]", *_entries(scenario.experiment)]
     lines += ["", "[teleoperation]", *_entries(scenario.teleoperation)]
     for name, component in scenario.components.items():
-        lines += ["", f"[components.{name}]", *_entries(component)]
+        lines += ["", f"[components.{toml_key(name)}]", *_entries(component)]
         if component.parameters:
-            lines += [f"[components.{name}.parameters]"]
-            lines += [f"{_bare(key)} = {_value(value)}" for key, value in component.parameters.items()]
+            lines += [f"[components.{toml_key(name)}.parameters]"]
+            lines += [f"{toml_key(key)} = {toml_value(value)}" for key, value in component.parameters.items()]
     return "\n".join(lines) + "\n"
 
 
 def _entries(record: object) -> list[str]:
-    return [f"{key} = {_value(value)}" for key, value in plain(record).items() if key != "parameters"]
+    return [f"{key} = {toml_value(value)}" for key, value in plain(record).items() if key != "parameters"]
 
 
 def plain(record: object) -> dict:
@@ -36,20 +36,31 @@ def plain(record: object) -> dict:
     }
 
 
-def _bare(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+def toml_key(key: str) -> str:
+    """A key, in quotes where it needs them."""
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
 
 
-def _value(value: object) -> str:
+def toml_value(value: object) -> str:
+    """A value as TOML: numbers, truth values, lists, else text."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):
         return repr(float(value)) if isinstance(value, float) else repr(value)
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     if callable(tolist := getattr(value, "tolist", None)):  # numbers and arrays of numpy
-        return _value(tolist())
-    return '"' + "".join(_ESCAPES.get(c, c) for c in str(value)) + '"'
+        return toml_value(tolist())
+    return (
+        '"'
+        + "".join(_ESCAPES.get(c) or (c if c.isprintable() or c > "\x7f" else f"\\u{ord(c):04x}") for c in str(value))
+        + '"'
+    )
 
 
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def _escaped(character: str) -> str:
+    control = ord(character) < 32 or ord(character) == 127
+    return _ESCAPES.get(character) or (f"\\u{ord(character):04x}" if control else character)

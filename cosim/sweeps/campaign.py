@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from attrs import asdict, field, frozen
 
+from cosim.engine.outcome import Outcome
 from cosim.sweeps.audit import Audit, AuditPlan, audited
 from cosim.sweeps.boundary import Boundary, Places, Precision, trace_line
 from cosim.sweeps.evaluate import EVALUATORS
@@ -50,6 +51,14 @@ class Campaign:
     executor: str = ""
     known_before: int = 0
     wall_time: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def failure(self) -> str | None:
+        """Why there is no result at all: the words of the first point, where every point failed."""
+        if not self.findings or any(found.outcome != Outcome.FAILED.value for found in self.findings):
+            return None
+        return self.findings[0].message
 
 
 @frozen
@@ -86,7 +95,9 @@ def task_of(sweep: Sweep) -> Task:
 
 def fingerprint(task: Task, origin: str = "") -> str:
     """Hash of what decides a finding besides the point: evaluator, scenario, fixed values, effects, `origin` (FMUs)."""
-    texts = [json.dumps([task.evaluator, sorted(map(str, task.set.items()))]), origin]
+    home, _, function = task.evaluator.rpartition(":")
+    evaluator = [Path(home).read_text(encoding="utf-8"), function] if home.endswith(".py") else task.evaluator
+    texts = [json.dumps([evaluator, sorted(map(str, task.set.items()))]), origin]
     for name in (task.scenario, task.effects):
         path = Path(name) if name else None
         texts.append(path.read_text(encoding="utf-8") if path and path.is_file() else str(name))
@@ -121,7 +132,8 @@ def run_sweep(
             curves = end.value
         points = tuple(board.asked.values())
         findings = tuple(journal.findings[p.key] for p in points)
-    return Campaign(sweep, task, points, findings, curves, executor, before, time.perf_counter() - began)
+        warnings = tuple(journal.damaged)
+    return Campaign(sweep, task, points, findings, curves, executor, before, time.perf_counter() - began, warnings)
 
 
 class _AskedPoints:
@@ -145,17 +157,20 @@ class _AskedPoints:
             ahead,
         )
         self.asked: dict[str, Point] = {}
-        self.began, self.fresh = time.perf_counter(), 0
+        self.began, self.fresh, self.done = time.perf_counter(), 0, 0
 
     def answer(self, points: Round) -> list[PointResult]:
         """Findings of the points, in their order."""
-        self.asked |= {p.key: p for p in points if p.key not in self.asked}
+        fresh = {p.key: p for p in points if p.key not in self.asked}
+        self.asked |= fresh
+        self.done += sum(key in self.journal.findings for key in fresh)
         missing = self._unknown(points)
         room = -len(missing) % (self.chunk * self.workers.count)
         self._report()
         for answered, findings in self.workers.answers(
             self.task, self._unknown([*missing, *self.ahead])[: len(missing) + room], self.chunk
         ):
+            self.done += sum(p.key in self.asked and p.key not in self.journal.findings for p in answered)
             self.journal.add(answered, findings)
             self.fresh += len(answered)
             self._report()
@@ -166,8 +181,7 @@ class _AskedPoints:
 
     def _report(self) -> None:
         if self.tell:
-            done = sum(key in self.journal.findings for key in self.asked)
-            self.tell(SweepProgress(done, len(self.asked), self.fresh, time.perf_counter() - self.began))
+            self.tell(SweepProgress(self.done, len(self.asked), self.fresh, time.perf_counter() - self.began))
 
 
 # --- designs ----------------------------------------------------------------------------------------------------------

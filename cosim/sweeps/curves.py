@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim.analysis.assessment import coupling, sides
+from cosim.analysis.assessment import coupling
+from cosim.analysis.coupling import known_coupling
 from cosim.analysis.criteria import delay_sum, sallam_eq10
-from cosim.analysis.linearisation import channel_bounds, linearise
+from cosim.analysis.linear_fmu import channel_bounds
+from cosim.analysis.linearisation import linearise
 from cosim.analysis.spectrum import abscissa
 from cosim.sweeps.evaluate import setup
 from cosim.sweeps.points import point
@@ -43,14 +45,16 @@ def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, Entry]) -
     one = setup(task, place)
     wiring = one.wiring
     if name in ("delay_sum", "sallam_eq10"):
-        pair, delays = sides(wiring), [bounds[2] for bounds in channel_bounds(wiring).values()]
-        if pair is None or len(delays) != 2:
+        found, delays = known_coupling(wiring, one.system), [b[2] for b in channel_bounds(wiring).values()]
+        pair = found.pair
+        if pair is None or len(delays) != 2 or (name == "delay_sum" and found.broken):
             return np.nan
         there, back = delays
         criterion = (delay_sum if name == "delay_sum" else sallam_eq10)(coupling(pair), there, back)
         used = 0.5 * (there + back) if name == "delay_sum" else float(np.hypot(there, back)) / np.sqrt(2.0)
         return used - criterion.max_delay
-    return abscissa(linearise(one.scenario, one.system).system())
+    loop = linearise(one.scenario, one.system)
+    return np.nan if loop.unseen else abscissa(loop.system())
 
 
 def _zero(function: Callable[[float], float], tolerance: float = 1e-4) -> float | None:

@@ -14,10 +14,12 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.analysis.assessment import complete, coupling, sides
+from cosim.analysis.assessment import coupling
+from cosim.analysis.coupling import known_coupling
 from cosim.analysis.criteria import delay_sum
 from cosim.analysis.evidence import UNSTABLE, StabilityEvidence, strongest
-from cosim.analysis.linearisation import channel_bounds, linearise
+from cosim.analysis.linear_fmu import channel_bounds
+from cosim.analysis.linearisation import linearise
 from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import abscissa
 from cosim.analysis.twin import twin_of
@@ -30,13 +32,11 @@ from cosim.results.summary import tracking
 from cosim.scenario import Scenario, load_scenario, to_toml, with_parameters
 from cosim.signals import stem
 from cosim.sweeps.points import Point, PointResult
-from cosim.sweeps.pool import Task
-from cosim.sweeps.spec import SCENARIO
+from cosim.sweeps.pool import OWN, Task
+from cosim.sweeps.spec import EVALUATOR_NAMES, SCENARIO
 from cosim.wiring import Wiring
 
-EVALUATORS: Mapping[str, str] = {
-    name: f"cosim.sweeps.evaluate:{name}" for name in ("simulation", "cosimulation", "spectrum")
-}
+EVALUATORS: Mapping[str, str] = {name: f"{OWN}:{name}" for name in EVALUATOR_NAMES}
 """Evaluators by the short names that a sweep's file uses."""
 _RECORDED = ("q", "dq", "x", "saturated")
 _REPLAY_EVERY = 200
@@ -74,10 +74,9 @@ def _loaded(name: str, effects: str | None) -> tuple[Scenario, FmuSet]:
 def check(task: Task, point: Point) -> str:
     """How the points will be run, in words. Raises InputError where `point`, the first, does not fit the scenario."""
     wiring = setup(task, point).wiring
-    if not task.evaluator.endswith(":simulation"):
-        return {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}.get(
-            task.evaluator.partition(":")[2], task.evaluator
-        )
+    others = {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}
+    if task.evaluator != EVALUATORS["simulation"]:
+        return next((said for name, said in others.items() if task.evaluator == EVALUATORS[name]), task.evaluator)
     reason = _refusal(wiring)
     return (
         "batch kernel (same bits as the co-simulation)"
@@ -111,10 +110,16 @@ def cosimulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
 
 
 def spectrum(task: Task, points: Sequence[Point]) -> list[PointResult]:
-    """Exact growth rate of the loop, linearised at the start pose with the mean delays of its channels."""
+    """Exact growth rate of the loop, linearised at the start pose with the mean delays of its channels.
+
+    Raises RunError where an FMU keeps more than its linear equations tell.
+    """
     results = []
     for one in (setup(task, point) for point in points):
-        rate = abscissa(linearise(one.scenario, one.system).system())
+        loop = linearise(one.scenario, one.system)
+        for name, why in loop.unseen.items():
+            raise RunError(name, None, f"no spectrum: it {why}; use the evaluator 'simulation'")
+        rate = abscissa(loop.system())
         outcome = Outcome.CONVERGED if rate < 0.0 else Outcome.GROWING
         results.append(PointResult(outcome.value, rate, rate, rate, _evidence(one, None, rate).value))
     return results
@@ -235,14 +240,16 @@ def _evidence(one: PointSetup, outcome: Outcome | None, rate: float | None = Non
     if outcome in UNSTABLE:
         return StabilityEvidence.FALSIFIED
     wiring = one.wiring
-    channels, pair = channel_bounds(wiring), sides(wiring)
-    if pair is None or len(channels) != 2 or not complete(wiring):
+    channels = channel_bounds(wiring)
+    if len(channels) != 2 or wiring.scenario.arms is None:
         return strongest(outcome)
     longest, constant = [bounds[2] for bounds in channels.values()], all(bounds[3] for bounds in channels.values())
-    compensated = all(side.compensated for side in pair)
-    if compensated and delay_sum(coupling(pair), *longest).holds:
+    found = known_coupling(wiring, one.system)
+    if found.pair and not found.broken and delay_sum(coupling(found.pair), *longest).holds:
         return StabilityEvidence.ANY_MASS
     loop = linearise(one.scenario, one.system)
+    if loop.unseen:
+        return strongest(outcome)
     family = loop.family()
     if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
         return StabilityEvidence.KNOWN_MASS

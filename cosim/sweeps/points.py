@@ -6,7 +6,7 @@ from functools import cached_property
 from hashlib import sha256
 
 import numpy as np
-from attrs import field, frozen
+from attrs import asdict, field, fields, frozen
 
 from cosim.engine.outcome import Outcome
 from cosim.sweeps.spec import SCENARIO, Axis, Choice, Entry, Sweep
@@ -60,6 +60,27 @@ class PointResult:
         if self.outcome in [o.value for o in _GROWS]:
             return 1.0
         return -1.0 if self.outcome == Outcome.CONVERGED.value else np.nan
+
+
+def plain(finding: PointResult) -> dict[str, object]:
+    """The result as JSON holds it."""
+    return asdict(
+        finding, value_serializer=lambda _, __, value: value.item() if isinstance(value, np.generic) else value
+    )
+
+
+def from_plain(found: object) -> PointResult:
+    """The inverse of `plain`. Raises ValueError where that is no result."""
+    if not isinstance(found, dict) or not set(found) <= {entry.name for entry in fields(PointResult)}:
+        raise ValueError("no result of a point")
+    texts = [found.get("outcome"), found.get("evidence", ""), found.get("message", "")]
+    numbers = found.get("numbers", {})
+    if not all(isinstance(text, str) for text in texts) or not isinstance(numbers, dict):
+        raise ValueError("no result of a point")
+    values = [*(found.get(name, 0.0) for name in ("growth_rate", "low", "high")), *numbers.values()]
+    if not all(isinstance(value, (int, float)) for value in values):
+        raise ValueError("no result of a point")
+    return PointResult(**found)
 
 
 def failed(message: str) -> PointResult:

@@ -1,25 +1,37 @@
 """Workers that evaluate points: this process, local processes, or a Dask cluster (`cluster`). All give results as they
 become known.
 
-An evaluator is a function `evaluate(task, points) -> findings` named by "module:function"; it may keep what it loaded
-between calls in its own module. Where a worker dies or an evaluator raises, the points it had are handed out again,
-each alone; a point that then fails gets one retry, and after that is `failed`, with the message of the last failure.
+An evaluator is a function `evaluate(task, points) -> findings`: one of cosim.sweeps.evaluate, or of a file that the
+user has named; it may keep what it loaded between calls in its own module. What passes between the processes is JSON:
+an evaluator may load FMUs of others, and what those write to a pipe is never more than text. Where a worker dies or an
+evaluator raises, the points it had are handed out again, each alone; a point that then fails gets one retry, and after
+that is `failed`, with the message of the last failure.
 """
 
+import json
 import multiprocessing
+import signal
 import sys
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
 
-from attrs import field, frozen
+from attrs import asdict, field, frozen
 
-from cosim.sweeps.points import Point, PointResult, failed
+from cosim.engine.child import end_with, words
+from cosim.sweeps.points import Point, PointResult, failed, from_plain, plain
 
+OWN = "cosim.sweeps.evaluate"
+"""The module of our own evaluators."""
+_LONGEST = 1 << 28  # bytes of an answer
+_DYING = 5.0  # s that a worker may take to end once its pipe is closed
 Answer = tuple[tuple[Point, ...], tuple[PointResult, ...]]
 
 
@@ -36,9 +48,26 @@ class Task:
 
 
 def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[PointResult]]:
-    """The evaluator "module:function"."""
-    module, _, attribute = name.partition(":")
-    return getattr(import_module(module), attribute)
+    """The evaluator "cosim.sweeps.evaluate:function" or "FILE.py:function". Raises ValueError for any other name."""
+    home, _, attribute = name.rpartition(":")
+    if home == OWN:
+        module: Any = import_module(OWN)
+    elif home.endswith(".py"):
+        module = _from_file(home)
+    else:
+        raise ValueError(f"{name!r} is no evaluator")
+    return getattr(module, attribute)
+
+
+@cache
+def _from_file(path: str) -> Any:
+    """The module in a file; loaded once a process."""
+    spec = spec_from_file_location(f"evaluator_{Path(path).stem}", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{path} is no Python file")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def attempt(task: Task, points: Sequence[Point]) -> tuple[tuple[PointResult, ...] | None, str]:
@@ -166,24 +195,28 @@ class _Worker:
     def give(self, task: Task, chunk: Chunk) -> None:
         """Hand out a chunk; a worker that died while idle is replaced first."""
         self.chunk = chunk
+        text = json.dumps([asdict(task), [[p.entries, p.values] for p in chunk.points]]).encode()
         try:
-            self.pipe.send((task, chunk.points))
+            self.pipe.send_bytes(text)
         except (BrokenPipeError, OSError):
             self._restart()
-            self.pipe.send((task, chunk.points))
+            self.pipe.send_bytes(text)
 
     def take(self) -> tuple[Chunk, tuple[PointResult, ...] | None, str]:
         """Its chunk with the findings, or with a message where it raised or died."""
         chunk, self.chunk = self.chunk, None
         assert chunk is not None  # only a busy worker is asked
         try:
-            findings, message = self.pipe.recv()
-            return chunk, findings, message
+            return chunk, *_heard_from(self.pipe.recv_bytes(_LONGEST), len(chunk.points))
+        except ValueError:
+            self._restart()
+            return chunk, None, "something wrote to the pipe of the worker process"
         except (EOFError, OSError):
-            self.process.join()
+            self.process.join(_DYING)
             code = self.process.exitcode
             self._restart()
-            return chunk, None, f"the worker process died ({_cause(code)})"
+            how = "closed its pipe, or something wrote to it" if code is None else f"died ({words(code)})"
+            return chunk, None, f"the worker process {how}"
 
     def _restart(self) -> None:
         self.stop()
@@ -192,16 +225,21 @@ class _Worker:
     def stop(self) -> None:
         """End the process."""
         self.pipe.close()
-        self.process.terminate()
+        self.process.kill()  # an FMU may not let itself be terminated
         self.process.join()
 
 
-def _cause(code: int | None) -> str:
-    import signal
-
-    if code is not None and code < 0:
-        return signal.Signals(-code).name
-    return f"exit code {code}"
+def _heard_from(text: bytes, count: int) -> tuple[tuple[PointResult, ...] | None, str]:
+    """What a worker answered for so many points. Raises ValueError where that is no answer."""
+    answer = json.loads(text)
+    if not isinstance(answer, dict):
+        raise ValueError("no answer")
+    if "findings" not in answer:
+        return None, str(answer.get("message"))
+    findings = tuple(map(from_plain, answer["findings"]))
+    if len(findings) != count:
+        raise ValueError("answers to other points")
+    return findings, ""
 
 
 def _serve(pipe: Connection) -> None:
@@ -209,14 +247,22 @@ def _serve(pipe: Connection) -> None:
 
     The closing of the pipe would not tell it so: other forked workers hold the parent's end open too.
     """
-    import signal
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
     parent = multiprocessing.parent_process()
-    assert parent is not None  # this is a worker process
+    assert parent is not None and parent.pid is not None  # this is a worker process
+    if sys.platform != "win32":
+        end_with(parent.pid)
     try:
         while parent.sentinel not in wait([pipe, parent.sentinel]):
-            task, points = pipe.recv()
-            pipe.send(attempt(task, points))
+            task, points = json.loads(pipe.recv_bytes())
+            given = [
+                Point(tuple(entries), tuple((path, value) for path, value in values)) for entries, values in points
+            ]
+            findings, message = attempt(Task(**task), given)
+            answer = {"message": message} if findings is None else {"findings": [plain(found) for found in findings]}
+            pipe.send_bytes(json.dumps(answer).encode())
     except (EOFError, OSError):
         return

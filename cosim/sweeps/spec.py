@@ -4,7 +4,7 @@ once.
 format = 1
 title = "..."            description = "..."
 scenario = "sallam-nodelay"
-evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation), "module:function"
+evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation); own: --evaluator FILE.py
 [set]                             # fixed values, paths as in --set
 "experiment.stop" = 40.0
 [[axes]]
@@ -17,10 +17,11 @@ choices = [{ label = "UR", set = { "arm_*.parameter_set" = "UR" } }]      # also
 trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enumerated
 """
 
+import re
 import tomllib
 from collections.abc import Mapping
 from enum import Enum
-from math import prod
+from math import isfinite, prod
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -176,6 +177,16 @@ _DESIGNS: dict[str, type[Design]] = {
     "level_set": LevelSet,
 }
 _MOST_POINTS = 1_000_000
+_NAMED = 20  # unknown keys for each of which a known one is looked for
+_NAME = re.compile(r"[\w.-][\w .+-]{0,99}")
+_COLUMNS = ("outcome", "growth_rate", "growth_rate_low", "growth_rate_high", "evidence", "message", "replay")
+EVALUATOR_NAMES = ("simulation", "cosimulation", "spectrum")
+_KINDS: Mapping[str, tuple[type, str]] = {
+    "axes": (list, "tables [[axes]]"),
+    "set": (dict, "a table [set]"),
+    "curves": (list, "a list of names"),
+    **dict.fromkeys(("name", "scenario", "title", "description", "evaluator", "effects"), (str, "a text")),
+}
 CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
 
 
@@ -215,7 +226,7 @@ def load_sweep(name_or_path: str) -> Sweep:
     path = _find(name_or_path)
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(Problem(str(path), "TOML", str(error))) from None
     return parse_sweep(table, path)
 
@@ -237,17 +248,28 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     """The sweep of a TOML table. Raises InputError with every problem found."""
     problems: list[Problem] = []
     known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder")] + [*_DESIGNS, "format"]
+    unknown = [key for key in table if key not in known]
     problems += [
         Problem(f"{path.name}: {key}", "a known key", "an unknown one", did_you_mean(key, known))
-        for key in table
-        if key not in known
+        for key in unknown[:_NAMED]
+    ]
+    if len(unknown) > _NAMED:
+        problems.append(Problem(path.name, "known keys", f"{len(unknown) - _NAMED} more unknown ones"))
+    problems += [
+        Problem(f"{path.name}: {key}", expected, repr(table[key])[:80])
+        for key, (kind, expected) in _KINDS.items()
+        if key in table and not isinstance(table[key], kind)
     ]
     if table.get("format", FORMAT) != FORMAT:
         problems.append(Problem(f"{path.name}: format", str(FORMAT), repr(table["format"])))
+    if _has_nul(table):
+        problems.append(Problem(path.name, "text without the sign U+0000", "one"))
     given = [name for name in _DESIGNS if name in table]
     if len(given) != 1:
         problems.append(Problem(path.name, f"one of [{'], ['.join(_DESIGNS)}]", " and ".join(given) or "none"))
     body = {key: value for key, value in table.items() if key in known and key not in (*_DESIGNS, "format", "axes")}
+    if any(not isinstance(table[key], kind) for key, (kind, _) in _KINDS.items() if key in table):
+        raise InputError(problems)
     axes = [
         _structured(Axis, entry, f"{path.name}: axes[{n}]", problems)
         for n, entry in enumerate(table.get("axes", []), 1)
@@ -261,6 +283,10 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     problems += _axis_problems(axes, path.name)
     if not problems and design is not None:
         problems += _design_problems(design, axes, path.name)
+    if (evaluator := body.get("evaluator", "simulation")) not in EVALUATOR_NAMES:
+        advice = did_you_mean(str(evaluator), EVALUATOR_NAMES) or "name a file of your own with --evaluator FILE.py"
+        expected = " or ".join(map(repr, EVALUATOR_NAMES))
+        problems.append(Problem(f"{path.name}: evaluator", expected, repr(evaluator), advice))
     if "scenario" not in body:
         problems.append(Problem(f"{path.name}: scenario", "the name of a scenario", "nothing"))
     if unknown := [c for c in body.get("curves", ()) if c not in CURVES]:
@@ -269,6 +295,13 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
         raise InputError(problems)
     body["curves"] = tuple(body.get("curves", ()))
     return Sweep(name=str(body.pop("name", path.stem)), axes=tuple(axes), design=design, folder=path.parent, **body)
+
+
+def _has_nul(value: object) -> bool:
+    """Whether a text in a TOML value holds the one sign that no file of results can hold."""
+    if isinstance(value, dict):
+        return any(_has_nul(key) or _has_nul(entry) for key, entry in value.items())
+    return any(map(_has_nul, value)) if isinstance(value, list) else isinstance(value, str) and "\0" in value
 
 
 def _structured(kind: type[Record], table: object, where: str, problems: list[Problem]) -> Record | None:
@@ -300,14 +333,19 @@ def _axis_problems(axes: list[Axis], where: str) -> list[Problem]:
     ]
     for axis in axes:
         place = f"{where}: axis {axis.name}"
+        if axis.name in _COLUMNS or not _NAME.fullmatch(axis.name):
+            expected = "a name of letters, digits and . _ - that no other column of the table has"
+            problems.append(Problem(f"{where}: axes", expected, repr(axis.name[:80])))
+        if axis.numeric and not all(map(isfinite, (axis.low, axis.high, *axis.values))):
+            problems.append(Problem(place, "numbers that are finite", f"{axis.low}, {axis.high}"))
         if axis.numeric and not axis.paths:
             problems.append(Problem(place, "paths or choices", "neither"))
         if axis.numeric and not axis.values and not axis.low < axis.high:
             problems.append(Problem(place, "low < high", f"{axis.low} and {axis.high}"))
         if axis.scale is Scale.LOG and axis.low <= 0.0:
             problems.append(Problem(f"{place}.low", "a positive number on a log scale", str(axis.low)))
-        if axis.count < 1:
-            problems.append(Problem(f"{place}.count", "1 or more", str(axis.count)))
+        if not 1 <= axis.count <= _MOST_POINTS:
+            problems.append(Problem(f"{place}.count", f"1 to {_MOST_POINTS}", str(axis.count)))
     return problems
 
 

@@ -65,6 +65,7 @@ def summary(campaign: Campaign) -> dict[str, object]:
         "kernel_replay": kernel_replay(campaign),
         "known_before": campaign.known_before,
         "wall_time": campaign.wall_time,
+        "warnings": list(campaign.warnings),
         "versions": versions(),
         "command": command_line(),
     }

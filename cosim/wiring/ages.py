@@ -35,10 +35,12 @@ def _units(wiring: Wiring) -> list[ScheduledComponent]:
     units = []
     for name in names:
         links = [source[Signal(name, variable)] for variable in wiring.inputs(name)]
-        ports = tuple(Port(names.index(link.source.component), place[str(link.source)], link.linear) for link in links)
-        units.append(
-            ScheduledComponent(name, wiring.scenario.components[name].step_multiple, len(wiring.outputs(name)), ports)
+        ports = tuple(
+            Port(names.index(link.source.component), place[str(link.source)], link.linear, link.gain, link.shift)
+            for link in links
         )
+        multiple, texts = wiring.scenario.components[name].step_multiple, bool(wiring.texts(name))
+        units.append(ScheduledComponent(name, multiple, len(wiring.outputs(name)), ports, texts))
     return units
 
 

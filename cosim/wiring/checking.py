@@ -8,7 +8,8 @@ from cosim.errors import InputError, Problem
 from cosim.scenario import Scenario
 from cosim.signals import FmuDescription
 from cosim.wiring.ages import timed
-from cosim.wiring.links import driven_twice, links_of, timing_problems, too_many_instances, unwired
+from cosim.wiring.feeding import recorded_beside, silences, starved, tool_warnings, unwired
+from cosim.wiring.links import driven_twice, links_of, scaled_links, timing_problems, too_many_instances
 from cosim.wiring.loops import assumed_loops, loop_problems, stepping_order
 from cosim.wiring.starts import starts_of
 from cosim.wiring.wiring import Wiring
@@ -27,7 +28,7 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
 
     Raises InputError for values that do not fit.
     """
-    if not _same_structure(wiring.scenario, scenario):
+    if not _same_structure(wiring.scenario, scenario) or _resized(wiring, scenario):
         return None
     problems: list[Problem] = []
     old = wiring.scenario.components
@@ -40,6 +41,16 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
     if problems:
         raise InputError(problems)
     return evolve(wiring, scenario=scenario, starts=starts)
+
+
+def _resized(wiring: Wiring, scenario: Scenario) -> bool:
+    """Whether a value changes that settles the size of an array."""
+    old = wiring.scenario.components
+    return any(
+        component.parameters.get(name) != old[key].parameters.get(name)
+        for key, component in scenario.components.items()
+        for name in wiring.descriptions[key].names("structuralParameter")
+    )
 
 
 def _same_structure(one: Scenario, other: Scenario) -> bool:
@@ -64,13 +75,22 @@ def check(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> tup
     links = links_of(scenario, descriptions, problems)
     problems += driven_twice(links) + loop_problems(links, descriptions) + timing_problems(scenario)
     notes = unwired(scenario, descriptions, links, starts, problems) + assumed_loops(links, descriptions)
+    beside = recorded_beside(scenario, descriptions, problems)
     problems += too_many_instances(scenario, descriptions)
     if problems:
         return None, problems
     order = scenario.experiment.order or stepping_order(scenario, descriptions, links)
-    warnings = (*scenario.warnings, *_apart(scenario))
+    warnings = (
+        *scenario.warnings,
+        *_apart(scenario),
+        *tool_warnings(scenario, descriptions),
+        *(f"{name}: {warning}" for name in scenario.components for warning in descriptions[name].warnings),
+        *scaled_links(links, descriptions),
+        *starved(scenario, descriptions, links),
+    )
+    notes = (*warnings, *notes, *silences(scenario, descriptions))
     wiring = Wiring(
-        scenario, descriptions, tuple(order), tuple(links), starts, notes=(*warnings, *notes), warnings=warnings
+        scenario, descriptions, tuple(order), tuple(links), starts, notes=notes, warnings=warnings, beside=beside
     )
     return timed(wiring), []
 

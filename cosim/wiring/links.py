@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Connection, Extrapolation, Scenario
 from cosim.signals import FmuDescription, Signal, is_real, stem
+from cosim.wiring.types import type_problems
 from cosim.wiring.wiring import Link
 
 
@@ -23,6 +24,7 @@ def links_of(scenario: Scenario, descriptions: Mapping[str, FmuDescription], pro
             )
             continue
         problems += _unit_problems(connection, sources, targets, descriptions)
+        problems += type_problems(connection, sources, targets, descriptions)
         links += [_link(scenario, connection, *pair, descriptions) for pair in zip(sources, targets)]
     return links
 
@@ -67,7 +69,7 @@ def _unit_problems(
     for source, target in zip(sources, targets):
         a = descriptions[connection.source.component].variables[source].unit
         b = descriptions[connection.target.component].variables[target].unit
-        if not a.joins(b):
+        if a.towards(b) is None:
             found[a.name, b.name] = Problem(
                 f"connection {connection}",
                 f"the unit of the input, {b.name!r}",
@@ -85,7 +87,21 @@ def _link(
     a, b = producer.variables[source], consumer.variables[target]
     wanted = scenario.experiment.extrapolation is Extrapolation.LINEAR
     able = consumer.takes_slopes and (not consumer.fmi.startswith("3") or b.slope is not None)
-    return Link(*ends, wanted and able and is_real(a) and is_real(b))
+    gain, shift = a.unit.towards(b.unit) or (1.0, 0.0)
+    linear = wanted and able and is_real(a) and is_real(b)
+    return Link(*ends, linear, gain, shift, connection.conversion, not b.exchanged)
+
+
+def scaled_links(links: list[Link], descriptions: Mapping[str, FmuDescription]) -> list[str]:
+    """A sentence for each pair of units that a connection turns into each other."""
+    found: dict[tuple[str, ...], str] = {}
+    for link in (link for link in links if link.scaled):
+        units = [descriptions[end.component].variables[end.variable].unit.name for end in (link.source, link.target)]
+        ends = [f"{end.component}.{stem(end.variable)}" for end in (link.source, link.target)]
+        shift = f" {'+' if link.shift > 0 else '-'} {abs(link.shift):.9g}" if link.shift else ""
+        sentence = f"{ends[0]} -> {ends[1]}: converted from {units[0]} to {units[1]}, times {link.gain:.9g}{shift}"
+        found.setdefault((*ends, units[0]), sentence)
+    return list(found.values())
 
 
 def driven_twice(links: list[Link]) -> list[Problem]:
@@ -108,41 +124,12 @@ def driven_twice(links: list[Link]) -> list[Problem]:
     ]
 
 
-def unwired(
-    scenario: Scenario,
-    descriptions: Mapping[str, FmuDescription],
-    links: list[Link],
-    starts: Mapping[str, Mapping[str, float | str]],
-    problems: list[Problem],
-) -> list[str]:
-    """Notes on inputs that no connection drives and that keep their start value; a problem where they have none."""
-    driven = {link.target for link in links}
-    notes = []
-    for name in scenario.components:
-        description = descriptions[name]
-        free = [
-            v for v in description.variables.values() if v.causality == "input" and Signal(name, v.name) not in driven
-        ]
-        free = [v for v in free if not v.name.startswith("der(")]
-        lost = [v.name for v in free if v.start is None and v.name not in starts[name] and is_real(v)]
-        if lost:
-            problems.append(
-                Problem(f"component {name}", f"a connection to {', '.join(lost)}", "none", "it has no start value")
-            )
-        held = dict.fromkeys(stem(v.name) for v in free if v.name not in lost)
-        if held:
-            notes.append(
-                f"{name}: {', '.join(held)} not wired, {'stay' if len(held) > 1 else 'stays'} at the start value"
-            )
-    return notes
-
-
 def too_many_instances(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> list[Problem]:
-    """Problems of FMUs that allow one instance in a process and are used more often."""
+    """Problems of FMUs that allow one instance in a process and are used more often, under whatever file names."""
     used: dict[str, list[str]] = {}
     for name in scenario.components:
         if descriptions[name].single_instance:
-            used.setdefault(descriptions[name].path, []).append(name)
+            used.setdefault(descriptions[name].sha256 or descriptions[name].path, []).append(name)
     return [
         Problem(f"components {', '.join(names)}", "one instance: the FMU allows no more in a process", str(len(names)))
         for names in used.values()

@@ -33,16 +33,21 @@ def _numbers(values: ArrayLike) -> np.ndarray:
     return np.asarray(values, dtype=float)
 
 
+def _nothing() -> np.ndarray:
+    return np.zeros(0)
+
+
 _BY_VALUE = cmp_using(np.array_equal)
 
 
 @frozen
 class SetInputs:
     """inputs[:] = store[source], then along lines: inputs[line] += weight (store[newer] - store[older]) where weight !=
-    0, slopes[:] = (store[newer] - store[older]) / span for the inputs on lines; the others are held.
+    0, slopes[:] = (store[newer] - store[older]) / span for the inputs on lines; the others are held. At last
+    inputs[scaled] = gain inputs[scaled] + shift, where units are turned into each other.
 
     source: (inputs,) places in the store; line: (lines,) places among the inputs; newer, older: (lines,) places in the
-    store; weight: (lines,) [1]; span: (lines,) [s].
+    store; weight: (lines,) [1]; span: (lines,) [s], divided by the gain; scaled: places among the inputs.
     """
 
     component: int
@@ -52,6 +57,9 @@ class SetInputs:
     older: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
     weight: np.ndarray = field(converter=_numbers, eq=_BY_VALUE)
     span: np.ndarray = field(converter=_numbers, eq=_BY_VALUE)
+    scaled: np.ndarray = field(factory=_nothing, converter=_indices, eq=_BY_VALUE)
+    gain: np.ndarray = field(factory=_nothing, converter=_numbers, eq=_BY_VALUE)
+    shift: np.ndarray = field(factory=_nothing, converter=_numbers, eq=_BY_VALUE)
 
 
 @frozen
@@ -76,7 +84,14 @@ class Record:
     source: np.ndarray = field(converter=_indices, eq=_BY_VALUE)
 
 
-Operation = SetInputs | Step | GetOutputs
+@frozen
+class CarryTexts:
+    """The texts and bytes that are wired to a component are handed over as their producers have them now."""
+
+    component: int
+
+
+Operation = SetInputs | Step | GetOutputs | CarryTexts
 
 
 @frozen
@@ -122,11 +137,15 @@ class Schedule:
 
 @frozen
 class Port:
-    """A wired input: where its value comes from, and whether it may move along a line."""
+    """A wired input: where its value comes from, whether it may move along a line, how its unit is turned into the
+    input's.
+    """
 
     producer: int
     place: int
     linear: bool
+    gain: float = 1.0
+    shift: float = 0.0
 
 
 @frozen
@@ -137,6 +156,7 @@ class ScheduledComponent:
     multiple: int
     outputs: int
     ports: tuple[Port, ...]
+    texts: bool = False
 
 
 @frozen
@@ -186,13 +206,17 @@ class _Builder:
         due = [i for i in self.order if now % self.units[i].multiple == 0]
         if self.algorithm is Algorithm.JACOBI:
             done = [i for i in self.order if (now + 1) % self.units[i].multiple == 0]
-            operations = [self._set(i, now) for i in due] + [self._step(i) for i in due] + [GetOutputs(i) for i in done]
+            operations = [self._set(i, now) for i in due] + [self._carry(i) for i in due]
+            operations += [self._step(i) for i in due] + [GetOutputs(i) for i in done]
         else:
-            operations = [op for i in due for op in (self._set(i, now), self._step(i), GetOutputs(i))]
+            operations = [op for i in due for op in (self._set(i, now), self._carry(i), self._step(i), GetOutputs(i))]
         return Phase(tuple(op for op in operations if op is not None), self._record(now + 1))
 
     def _step(self, i: int) -> Step:
         return Step(i, self.units[i].multiple)
+
+    def _carry(self, i: int) -> CarryTexts | None:
+        return CarryTexts(i) if self.units[i].texts else None
 
     def _set(self, i: int, now: int) -> SetInputs | None:
         unit, rank = self.units[i], {c: r for r, c in enumerate(self.order)}
@@ -209,9 +233,10 @@ class _Builder:
             source.append(newer if timing.newest == now else older)
             inside = timing.newest != now and timing.older != now
             weight = (now - timing.older) / producer.multiple if inside else 0.0
-            lines.append((place, newer, older, weight, producer.multiple * self.step_ns / 1e9))
+            lines.append((place, newer, older, weight, producer.multiple * self.step_ns / 1e9 / port.gain))
         columns = list(zip(*lines)) if lines else [()] * 5
-        return SetInputs(i, source, *columns)
+        scaled = [(k, p.gain, p.shift) for k, p in enumerate(unit.ports) if (p.gain, p.shift) != (1.0, 0.0)]
+        return SetInputs(i, source, *columns, *(zip(*scaled) if scaled else ()))
 
     def _record(self, at: int) -> Record:
         """Places of the newest values that are not ahead of the communication point `at`."""

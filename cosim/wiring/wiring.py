@@ -5,18 +5,30 @@ from functools import cached_property
 
 from attrs import field, frozen
 
-from cosim.scenario import Connection, Scenario
+from cosim.scenario import Connection, Conversion, Scenario
 from cosim.signals import FmuDescription, Signal, by_type
 from cosim.wiring.schedule import Schedule
 
 
 @frozen
 class Link:
-    """One scalar output wired to one scalar input."""
+    """One scalar output wired to one scalar input: input = gain output + shift, which turns units into each other.
+
+    conversion: what the scenario wishes to be done where the types differ; text: it carries a text or bytes.
+    """
 
     source: Signal
     target: Signal
     linear: bool
+    gain: float = 1.0
+    shift: float = 0.0
+    conversion: Conversion | None = None
+    text: bool = False
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the value changes on its way."""
+        return (self.gain, self.shift) != (1.0, 0.0)
 
 
 @frozen
@@ -48,7 +60,8 @@ class Wiring:
 
     order: components in the order of stepping; links: scalar connections; starts: value of every FMU parameter that the
     scenario sets; lr, rl: paths from the local to the remote arm and back; loops_l, loops_r: local paths of either arm;
-    notes: what the user should know; warnings: those of them that are said before anything else.
+    notes: what the user should know; warnings: those of them that are said before anything else; beside: variables of
+    each component that are recorded beside its outputs.
     """
 
     scenario: Scenario
@@ -64,6 +77,7 @@ class Wiring:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     schedule: Schedule = field(default=None, repr=False)
+    beside: Mapping[str, tuple[str, ...]] = field(factory=dict)
 
     @property
     def age_lr(self) -> float:
@@ -86,7 +100,7 @@ class Wiring:
 
     def inputs(self, component: str) -> list[str]:
         """The component's wired inputs, in the order in which they are set: real ones first."""
-        wired = {link.target.variable for link in self.links if link.target.component == component}
+        wired = {link.target.variable for link in self.links if link.target.component == component and not link.text}
         return by_type(v for v in self.descriptions[component].variables.values() if v.name in wired)
 
     def sloped(self, component: str) -> list[str]:
@@ -95,8 +109,22 @@ class Wiring:
         return [name for name in self.inputs(component) if name in linear]
 
     def outputs(self, component: str) -> list[str]:
-        """The component's outputs, in the order in which they are read: real ones first."""
-        return list(self.descriptions[component].outputs)
+        """The component's outputs and what is recorded beside them, in the order in which they are read: real ones
+        first.
+        """
+        description, beside = self.descriptions[component], self.beside.get(component)
+        if not beside:
+            return list(description.outputs)
+        return by_type(description.variables[name] for name in (*description.outputs, *beside))
+
+    def conversions(self, component: str) -> dict[str, Conversion]:
+        """Conversions that the scenario wishes for the component's inputs."""
+        mine = (link for link in self.links if link.target.component == component)
+        return {link.target.variable: link.conversion for link in mine if link.conversion}
+
+    def texts(self, component: str) -> list[Link]:
+        """Links that carry texts or bytes to the component."""
+        return [link for link in self.links if link.text and link.target.component == component]
 
     @cached_property
     def signals(self) -> list[str]:

@@ -2,14 +2,10 @@
  *
  *   inertia ddq + gravity_sin sin q + gravity_cos cos q + friction + required = tau_motor + f
  */
-#include <stddef.h>
 #include <stdio.h>
 
+#include "../shared/domain.h"
 #include "../shared/joint.h"
-
-#define DELAYED_CAPACITY 512
-#define AXIS_STATES 8
-#define AXIS_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
 
 static Joint joint_of(const Model *m) {
     Joint j;
@@ -21,8 +17,7 @@ static Joint joint_of(const Model *m) {
 }
 
 static Ring delayed_ring(Model *m) {
-    Ring r = {m->delayed, DELAYED_CAPACITY, 2, (int)m->delayed_head, (int)m->delayed_count};
-    return r;
+    return RING(m->delayed, m->delayed_head, m->delayed_count);
 }
 
 static void set_start_state(Model *m) {
@@ -101,13 +96,13 @@ static const char *start(Model *m) {
         return (const char *)m->text;
     }
     if (m->actuator_lag > 0) m->tau_lag = delivered(m, &j);
-    memcpy(m->kept, AXIS_STATE(m), sizeof m->kept);
+    memcpy(m->kept, AxisDrive_STATE(m), sizeof m->kept);
     return NULL;
 }
 
 static const char *sample(Model *m, double t) {
     const Joint j = joint_of(m);
-    const double step = m->step, record[2] = {m->last_time, m->tau}, *state = AXIS_STATE(m);
+    const double step = m->step, record[2] = {m->last_time, m->tau};
     char *text = (char *)m->text;
     if (m->domain == 0) return NULL;
     const char *problem = joint_check_step(&j, 1, step, m->internal_steps, text, sizeof m->text);
@@ -122,10 +117,9 @@ static const char *sample(Model *m, double t) {
     m->z = joint_hysteresis_limit(m->z);
     m->z_short = joint_hysteresis_limit(m->z_short);
     m->z_long = joint_hysteresis_limit(m->z_long);
-    for (int i = 0; i < AXIS_STATES; i++)
-        if (!(fabs(state[i]) < 1e6)) m->domain = 0;
-    if (m->domain == 0) memcpy(AXIS_STATE(m), m->kept, sizeof m->kept);
-    memcpy(m->kept, AXIS_STATE(m), sizeof m->kept);
+    if (!states_within(AxisDrive_STATE(m), AxisDrive_STATES)) m->domain = 0;
+    if (m->domain == 0) memcpy(AxisDrive_STATE(m), m->kept, sizeof m->kept);
+    memcpy(m->kept, AxisDrive_STATE(m), sizeof m->kept);
     m->last_time = t;
     return NULL;
 }

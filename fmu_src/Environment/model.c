@@ -11,12 +11,6 @@ static const char *start(Model *m) {
     return NULL;
 }
 
-static const char *sample(Model *m, double t) {
-    (void)m;
-    (void)t;
-    return NULL;
-}
-
 /* depth = offset - n . x;  f = n max(0, k depth - b n . dx) where depth > 0 */
 static void outputs(Model *m, double t) {
     double length = sqrt(dot(m->normal, m->normal)), push = 0.0;

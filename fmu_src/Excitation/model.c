@@ -24,17 +24,6 @@ static void window(const Model *m, double t, double w[3]) {
     w[2] = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * rate * rate;
 }
 
-static const char *start(Model *m) {
-    (void)m;
-    return NULL;
-}
-
-static const char *sample(Model *m, double t) {
-    (void)m;
-    (void)t;
-    return NULL;
-}
-
 /* + in the first half of each period, - in the second; a billionth of a period is forgiven at the edges */
 static double square(const Model *m, double t) {
     double turns = m->square_period > 0.0 ? (t - m->origin) / m->square_period + 1e-9 : 0.0;

@@ -26,7 +26,7 @@ static void measure(const Model *m, const ArmPose *pose, double p[3], double res
     p[1] = inertia.m22 * m->dq[1] + inertia.m23 * m->dq[2];
     p[2] = inertia.m23 * m->dq[1] + inertia.m33 * m->dq[2];
     arm_coriolis_transposed(body, pose, m->dq, transposed);
-    arm_gravity(body, pose, gravity);
+    arm_gravity(body + 6, pose, gravity);
     for (int i = 0; i < 3; i++)
         rest[i] =
             gravity[i] - transposed[i] + arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq[i]);
@@ -83,9 +83,4 @@ static const char *sample(Model *m, double t) {
     m->last_time = t;
     estimate(m, &pose);
     return NULL;
-}
-
-static void outputs(Model *m, double t) {
-    (void)m;
-    (void)t;
 }

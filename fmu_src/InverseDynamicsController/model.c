@@ -17,7 +17,7 @@ static void control(Model *m) {
         wanted[i] = m->ddq_ref[i] + m->derivative_gain[i] * (m->dq_ref[i] - m->dq[i]) +
                     m->proportional_gain[i] * (m->q_ref[i] - m->q[i]);
     arm_coriolis(body, &p, m->dq, coriolis);
-    arm_gravity(body, &p, gravity);
+    arm_gravity(body + 6, &p, gravity);
     m->tau[0] = inertia.m11 * wanted[0];
     m->tau[1] = inertia.m22 * wanted[1] + inertia.m23 * wanted[2];
     m->tau[2] = inertia.m23 * wanted[1] + inertia.m33 * wanted[2];
@@ -41,9 +41,4 @@ static const char *sample(Model *m, double t) {
     (void)t;
     control(m);
     return NULL;
-}
-
-static void outputs(Model *m, double t) {
-    (void)m;
-    (void)t;
 }

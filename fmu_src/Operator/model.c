@@ -37,12 +37,6 @@ static const char *start(Model *m) {
     return NULL;
 }
 
-static const char *sample(Model *m, double t) {
-    (void)m;
-    (void)t;
-    return NULL;
-}
-
 /* f = A sin(2 pi frequency t + phase) [start <= t < stop] + f_recorded + grip */
 static void outputs(Model *m, double t) {
     int on = t >= m->start_time - INSTANT && t < m->stop_time - INSTANT;

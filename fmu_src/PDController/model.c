@@ -67,8 +67,3 @@ static const char *sample(Model *m, double t) {
     }
     return NULL;
 }
-
-static void outputs(Model *m, double t) {
-    (void)m;
-    (void)t;
-}

@@ -11,9 +11,10 @@
 
 #include "elementary.h"
 
-#define ARM_L1 0.215     /* m, shoulder to elbow */
-#define ARM_L2 0.170     /* m, elbow to tip */
-#define ARM_GRAVITY 9.81 /* m/s^2 */
+#define ARM_L1 0.215       /* m, shoulder to elbow */
+#define ARM_L2 0.170       /* m, elbow to tip */
+#define ARM_GRAVITY 9.81   /* m/s^2 */
+#define ARM_LEAST_M11 1e-5 /* kg m^2, below which M11 counts as none */
 
 typedef struct {
     real s1, c1, s2, c2, s3, c3; /* sine and cosine of q1, q2, q3 */
@@ -92,21 +93,21 @@ static inline void arm_coriolis_transposed(const real pi[8], const ArmPose *p, c
     c[2] = d3 * half + k * dq[1] * dq[2];
 }
 
-/* N = (0, p7 cos q2, p8 sin q3) (N m). */
-static inline void arm_gravity(const real pi[8], const ArmPose *p, real n[3]) {
+/* N = (0, p7 cos q2, p8 sin q3) (N m), of p7 and p8. */
+static inline void arm_gravity(const real pg[2], const ArmPose *p, real n[3]) {
     n[0] = real_of(0.0);
-    n[1] = pi[6] * p->c2;
-    n[2] = pi[7] * p->s3;
+    n[1] = pg[0] * p->c2;
+    n[2] = pg[1] * p->s3;
 }
 
 /* N for an upward unit vector `up` in the base frame. The moving masses' first moment is (p7 u + p8 w)/g with
  * u = (s1 c2, s2, c1 c2) along the upper arm and w = (s1 s3, -c3, c1 s3) along the forearm, so
  * V = up . (p7 u + p8 w). */
-static inline void arm_gravity_along(const real pi[8], const ArmPose *p, const real up[3], real n[3]) {
+static inline void arm_gravity_along(const real pg[2], const ArmPose *p, const real up[3], real n[3]) {
     const real radial = p->s1 * up[0] + p->c1 * up[2], across = p->c1 * up[0] - p->s1 * up[2];
-    n[0] = across * (pi[6] * p->c2 + pi[7] * p->s3);
-    n[1] = pi[6] * (up[1] * p->c2 - radial * p->s2);
-    n[2] = pi[7] * (up[1] * p->s3 + radial * p->c3);
+    n[0] = across * (pg[0] * p->c2 + pg[1] * p->s3);
+    n[1] = pg[0] * (up[1] * p->c2 - radial * p->s2);
+    n[2] = pg[1] * (up[1] * p->s3 + radial * p->c3);
 }
 
 /* ddq = M^-1 b: a scalar and a 2x2 block (rad/s^2). */
@@ -118,9 +119,9 @@ static inline void arm_accelerate(const ArmInertia *m, const real b[3], real ddq
 }
 
 /* True where M is positive definite by a margin: every pivot above 1e-6 of the entry it comes from, and M11 above
- * `floor` kg m^2. The identified columns of Taati's Table 1 fail this in part of the workspace. */
-static inline mask arm_positive_definite(const ArmInertia *m, real floor) {
-    return (m->m11 > floor) & (m->m22 > 0.0) & (m->m33 > 0.0) &
+ * ARM_LEAST_M11. The identified columns of Taati's Table 1 fail this in part of the workspace. */
+static inline mask arm_positive_definite(const ArmInertia *m) {
+    return (m->m11 > ARM_LEAST_M11) & (m->m22 > 0.0) & (m->m33 > 0.0) &
            (m->m22 * m->m33 - m->m23 * m->m23 > 1e-6 * m->m22 * m->m33);
 }
 

@@ -1,19 +1,14 @@
-/* PHANToM Premium 1.5A. Equations and sources: README.md; rigid body: arm.h; one joint's effects: ../shared/joint.h.
+/* PHANToM Premium 1.5A. Equations and sources: README.md; a plain arm: law.h; one joint's effects: ../shared/joint.h.
  *
  *   M(q) ddq + C(q, dq) dq + N(q) + friction + required = tau_motor + J' (f + f_contact)
  *   tau_motor = lag(limit(deadband((1 + gain) (tau(t - delay) + J' (f_command(t - delay) + f_device) + N_nominal))))
  */
-#include <stddef.h>
 #include <stdio.h>
 
-#include "arm.h"
+#include "law.h"
 #include "../shared/joint.h"
 
-#define DELAYED_CAPACITY 512
-#define ARM_STATES 24
-#define ARM_STATE(m) ((double *)(m) + offsetof(Model, q_link) / sizeof(double)) /* the states are consecutive */
-
-static const int coupled[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
+static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
 
 static Joint joint_of(const Model *m, int i) {
     Joint j;
@@ -25,41 +20,7 @@ static Joint joint_of(const Model *m, int i) {
 }
 
 static Ring delayed_ring(Model *m) {
-    Ring r = {m->delayed, DELAYED_CAPACITY, 7, (int)m->delayed_head, (int)m->delayed_count};
-    return r;
-}
-
-static int any(const double *values, int n) {
-    for (int i = 0; i < n; i++)
-        if (values[i] != 0) return 1;
-    return 0;
-}
-
-/* pi with mounting and payload; up = (sin a, cos a cos b, cos a sin b): the vertical leans by a towards x and b
- * towards z. */
-static void set_body(Model *m) {
-    const double gravity = (int)m->mounting == MOUNTING_UPSIDE_DOWN ? -1.0 : 1.0;
-    double s1, c1, s2, c2;
-    memcpy(m->body, m->pi, sizeof m->body);
-    m->body[6] *= gravity;
-    m->body[7] *= gravity;
-    if (m->payload > 0) arm_add_payload(m->body, m->payload, gravity * ARM_GRAVITY);
-    sincos_real(m->base_tilt[0], &s1, &c1);
-    sincos_real(m->base_tilt[1], &s2, &c2);
-    m->up[0] = s1;
-    m->up[1] = c1 * c2;
-    m->up[2] = c1 * s2;
-}
-
-static void set_start_state(Model *m) {
-    memcpy(m->q_link, m->q_start, sizeof m->q_link);
-    memcpy(m->dq_link, m->dq_start, sizeof m->dq_link);
-    memcpy(m->q_motor, m->q_start, sizeof m->q_motor);
-    memcpy(m->dq_motor, m->dq_start, sizeof m->dq_motor);
-    memset(m->z, 0, sizeof m->z);
-    memset(m->z_short, 0, sizeof m->z_short);
-    memset(m->z_long, 0, sizeof m->z_long);
-    m->domain = 1;
+    return RING(m->delayed, m->delayed_head, m->delayed_count);
 }
 
 /* Command number k (tau1..3, f_command1..3) that joint i follows in the present communication step: the input, or the
@@ -81,55 +42,29 @@ static double command_of(Model *m, const ArmPose *p, int i) {
 
 /* What the amplifiers would deliver without lag (N m). */
 static void delivered(Model *m, const ArmPose *p, double torque[3]) {
-    double device[3] = {0, 0, 0}, gravity[3] = {0, 0, 0};
-    arm_torque_of_force(p, m->f_command, device);
-    for (int i = 0; i < 3; i++) torque[i] = m->delays != 0 ? command_of(m, p, i) : m->tau[i] + device[i];
-    if (m->impedance != 0) {
-        double x[3], dx[3], force[3];
-        arm_position(p, x);
-        arm_velocity(p, m->dq_link, dx);
-        for (int i = 0; i < 3; i++) force[i] = m->stiffness[i] * (m->x_ref[i] - x[i]) - m->damping[i] * dx[i];
-        arm_torque_of_force(p, force, device);
-        for (int i = 0; i < 3; i++) torque[i] += device[i];
-    }
-    if (m->gravity_compensation != 0) {
-        arm_gravity(m->pi, p, gravity);
-        if ((int)m->mounting == MOUNTING_UPSIDE_DOWN)
-            for (int i = 0; i < 3; i++) gravity[i] = -gravity[i];
-    }
-    for (int i = 0; i < 3; i++) {
-        if (m->gravity_compensation != 0) torque[i] += gravity[i];
-        if (m->plain == 0) {
-            const Joint j = joint_of(m, i);
-            torque[i] = joint_delivered(&j, torque[i]);
-        }
+    if (m->delays != 0)
+        for (int i = 0; i < 3; i++) torque[i] = command_of(m, p, i);
+    else
+        arm_command(m, p, torque);
+    arm_add_own_command(m, p, m->dq_link, torque);
+    for (int i = 0; i < 3 && m->plain == 0; i++) {
+        const Joint j = joint_of(m, i);
+        torque[i] = joint_delivered(&j, torque[i]);
     }
 }
 
-/* f = -n max(0, k (n . x - distance) + c n . dx) where n . x > distance: the wall pushes, never pulls (N). */
-static void contact_force(const Model *m, const ArmPose *p, double force[3]) {
-    double x[3], dx[3], depth = -m->contact_distance, rate = 0;
-    arm_position(p, x);
-    arm_velocity(p, m->dq_link, dx);
-    for (int i = 0; i < 3; i++) {
-        depth += m->wall[i] * x[i];
-        rate += m->wall[i] * dx[i];
-    }
-    const double push = depth > 0 ? m->contact_stiffness * depth + m->contact_damping * rate : 0;
-    for (int i = 0; i < 3; i++) force[i] = push > 0 ? -push * m->wall[i] : 0;
-}
-
-/* Required torque on joint i from the motion of joint j, added to `torque` (N m). */
-static void add_coupling(const Model *m, const double q[3], const double dq[3], double torque[3]) {
-    for (int k = 0; k < 6; k++) {
-        const int i = coupled[k][0], j = coupled[k][1];
-        if (m->coupling_viscous[k] != 0) torque[i] += m->coupling_viscous[k] * dq[j];
+/* Required torque on each joint from the motion of the others (N m). */
+static void coupling(const Model *m, const double q[3], const double dq[3], double required[3]) {
+    for (int i = 0; i < 3; i++) required[i] = 0;
+    for (int k = 0; k < 6 && m->coupled != 0; k++) {
+        const int i = pairs[k][0], j = pairs[k][1];
+        if (m->coupling_viscous[k] != 0) required[i] += m->coupling_viscous[k] * dq[j];
         if (m->coupling_coulomb[k] != 0) {
             const Joint other = joint_of(m, j);
             const double v = m->coupling_velocity[k], s = v > 0 ? arm_sign(dq[j], v) : joint_sign(&other, dq[j]);
-            torque[i] += m->coupling_coulomb[k] * s;
+            required[i] += m->coupling_coulomb[k] * s;
         }
-        if (m->coupling_stiffness[k] != 0) torque[i] += m->coupling_stiffness[k] * q[j];
+        if (m->coupling_stiffness[k] != 0) required[i] += m->coupling_stiffness[k] * q[j];
     }
 }
 
@@ -144,17 +79,16 @@ static void motor_side(const Model *m, double q[3], double dq[3]) {
 
 /* Torque on each link from its joint, and derivatives of the joint's own states. `inertia` loses the motors' shares. */
 static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *inertia, double torque[3]) {
-    double ideal[3], q[3], dq[3], coupling[3] = {0, 0, 0};
+    double ideal[3], q[3], dq[3], others[3];
     double *diagonal[3] = {&inertia->m11, &inertia->m22, &inertia->m33};
     delivered(m, p, ideal);
     motor_side(m, q, dq);
-    if (m->extras != 0) add_coupling(m, q, dq, coupling);
+    coupling(m, q, dq, others);
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);
         const double motor = j.actuator_lag > 0 ? m->tau_lag[i] : ideal[i];
         const double z = joint_hysteresis_state(&j, m->z[i], m->z_short[i], m->z_long[i]);
-        torque[i] = motor - joint_required(&j, q[i], dq[i], z, motor, t);
-        if (m->extras != 0) torque[i] -= coupling[i];
+        torque[i] = motor - joint_required(&j, q[i], dq[i], z, motor, t) - others[i];
         if (j.actuator_lag > 0) m->der_tau_lag[i] = (ideal[i] - m->tau_lag[i]) / j.actuator_lag;
         if (j.hysteresis != 0) {
             const double states[3] = {m->z[i], m->z_short[i], m->z_long[i]};
@@ -182,50 +116,22 @@ static void clear_derivatives(Model *m) {
     memset(m->der_dq_motor, 0, sizeof m->der_dq_motor);
 }
 
-/* M ddq = joint torques + J' (f + f_contact) - C dq - N */
 static void derivatives(Model *m, double t) {
-    double torque[3], outside[3], coriolis[3], gravity[3], balance[3];
     clear_derivatives(m);
     if (m->domain == 0) return;
     const ArmPose p = arm_pose(m->q_link);
-    ArmInertia inertia = arm_inertia(m->body, &p);
-
-    if (m->plain != 0) {
-        delivered(m, &p, torque);
-        for (int i = 0; i < 3; i++) {
-            if (m->viscous[i] == 0 && m->coulomb[i] == 0) continue;
-            torque[i] -= m->coulomb[i] == 0
-                             ? m->viscous[i] * m->dq_link[i]
-                             : arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq_link[i]);
-        }
-        if (m->extras != 0) {
-            double coupling[3] = {0, 0, 0};
-            add_coupling(m, m->q_link, m->dq_link, coupling);
-            for (int i = 0; i < 3; i++) torque[i] -= coupling[i];
-        }
+    int definite;
+    if (m->plain != 0 && m->coupled == 0) {
+        definite = arm_plain_acceleration(m, &p, m->dq_link, m->ddq);
     } else {
+        double torque[3];
+        ArmInertia inertia = arm_inertia(m->body, &p);
         joint_torques(m, &p, t, &inertia, torque);
+        arm_add_load(m, &p, m->dq_link, torque);
+        definite = arm_respond(&inertia, torque, m->ddq);
     }
-
-    arm_torque_of_force(&p, m->f, outside);
-    arm_coriolis(m->body, &p, m->dq_link, coriolis);
-    if (m->base_tilt[0] != 0 || m->base_tilt[1] != 0)
-        arm_gravity_along(m->body, &p, m->up, gravity);
-    else
-        arm_gravity(m->body, &p, gravity);
-    for (int i = 0; i < 3; i++) balance[i] = torque[i] + outside[i] - coriolis[i] - gravity[i];
-    if (m->contact_stiffness > 0) {
-        double force[3], push[3];
-        contact_force(m, &p, force);
-        arm_torque_of_force(&p, force, push);
-        for (int i = 0; i < 3; i++) balance[i] += push[i];
-    }
-
     memcpy(m->der_q_link, m->dq_link, sizeof m->der_q_link);
-    if (arm_positive_definite(&inertia, 1e-5))
-        arm_accelerate(&inertia, balance, m->ddq);
-    else
-        m->indefinite = 1;
+    if (!definite) m->indefinite = 1;
 }
 
 /* Rigid parameters that can be an arm at the start pose, motors that fit into it, a wall with a direction. Completes
@@ -236,11 +142,12 @@ static const char *check_relations(Model *m) {
     const ArmPose p = arm_pose(m->q_start);
     ArmInertia inertia = arm_inertia(m->body, &p);
     double *diagonal[3] = {&inertia.m11, &inertia.m22, &inertia.m33};
-    if (!arm_positive_definite(&inertia, 1e-5)) {
+    if (!arm_positive_definite(&inertia)) {
         snprintf(text, size,
                  "pi: M(q_start) is not positive definite: M11 = %.3g, M22 = %.3g, M33 = %.3g, det(M22..M33) = %.3g; "
-                 "expected M11 > 1e-05 and the rest > 0",
-                 inertia.m11, inertia.m22, inertia.m33, inertia.m22 * inertia.m33 - inertia.m23 * inertia.m23);
+                 "expected M11 > %g and the rest > 0",
+                 inertia.m11, inertia.m22, inertia.m33, inertia.m22 * inertia.m33 - inertia.m23 * inertia.m23,
+                 ARM_LEAST_M11);
         return text;
     }
     for (int i = 0; i < 3; i++) {
@@ -258,13 +165,13 @@ static const char *check_relations(Model *m) {
         }
         *diagonal[i] -= j.motor_inertia;
     }
-    if (!arm_positive_definite(&inertia, 1e-5)) {
+    if (!arm_positive_definite(&inertia)) {
         snprintf(text, size,
                  "motor_inertia = %g, %g, %g leaves links without positive definite M(q_start): make it smaller",
                  m->motor_inertia[0], m->motor_inertia[1], m->motor_inertia[2]);
         return text;
     }
-    if (m->contact_stiffness > 0 && !any(m->contact_normal, 3)) {
+    if (m->contact_stiffness > 0 && !arm_has(m->contact_normal, 3)) {
         snprintf(text, size, "contact_normal = 0, 0, 0: contact_stiffness = %g needs a direction",
                  m->contact_stiffness);
         return text;
@@ -290,28 +197,24 @@ static double impedance_rate(const Model *m) {
 }
 
 static const char *start(Model *m) {
-    double length = 0;
-    set_body(m);
-    set_start_state(m);
+    arm_start(m);
     const char *problem = check_relations(m);
     if (problem) return problem;
     m->plain = 1;
     for (int i = 0; i < 3; i++) {
         const Joint j = joint_of(m, i);
         if (!joint_is_plain(&j)) m->plain = 0;
-        length += m->contact_normal[i] * m->contact_normal[i];
     }
-    for (int i = 0; i < 3; i++) m->wall[i] = length > 0 ? m->contact_normal[i] / sqrt(length) : 0;
-    m->extras = any(m->coupling_viscous, 6) || any(m->coupling_coulomb, 6) || any(m->coupling_stiffness, 6);
-    m->delays = any(m->time_delay, 3);
-    m->impedance = any(m->stiffness, 3) || any(m->damping, 3);
+    m->coupled =
+        arm_has(m->coupling_viscous, 6) || arm_has(m->coupling_coulomb, 6) || arm_has(m->coupling_stiffness, 6);
+    m->delays = arm_has(m->time_delay, 3);
     m->impedance_rate = m->impedance != 0 ? impedance_rate(m) : 0;
     m->last_time = m->origin;
     const ArmPose p = arm_pose(m->q_link);
     delivered(m, &p, m->tau_lag);
     for (int i = 0; i < 3; i++)
         if (!(m->actuator_lag[i] > 0)) m->tau_lag[i] = 0;
-    memcpy(m->kept, ARM_STATE(m), sizeof m->kept);
+    arm_keep(m);
     return NULL;
 }
 
@@ -338,14 +241,6 @@ static const char *finish_joints(Model *m, double t) {
     return problem;
 }
 
-/* The domain: M positive definite along the motion, a finite state, and the workspace where it is asked for. */
-static int inside_domain(const Model *m) {
-    const double *state = (const double *)m + offsetof(Model, q_link) / sizeof(double);
-    for (int i = 0; i < ARM_STATES; i++)
-        if (!(fabs(state[i]) < 1e6)) return 0;
-    return m->indefinite == 0 && (m->workspace_limits == 0 || arm_inside(m->q_link));
-}
-
 static const char *sample(Model *m, double t) {
     const char *problem = m->plain == 0 && m->domain != 0 ? finish_joints(m, t) : NULL;
     if (problem || m->domain == 0) return problem;
@@ -357,11 +252,7 @@ static const char *sample(Model *m, double t) {
                  m->impedance_rate, m->step / m->internal_steps, ceil(m->step * m->impedance_rate / 2));
         return (const char *)m->text;
     }
-    if (!inside_domain(m)) {
-        m->domain = 0;
-        memcpy(ARM_STATE(m), m->kept, sizeof m->kept);
-    }
-    memcpy(m->kept, ARM_STATE(m), sizeof m->kept);
+    arm_stay_inside(m, PhantomArm_STATES);
     m->last_time = t;
     return NULL;
 }
@@ -372,7 +263,7 @@ static void outputs(Model *m, double t) {
     arm_position(&p, m->x_tip);
     arm_velocity(&p, m->dq_link, m->dx_tip);
     motor_side(m, m->q, m->dq);
-    if (m->plain == 0 || any(m->encoder_resolution, 3) || any(m->encoder_offset, 3)) {
+    if (m->plain == 0 || arm_has(m->encoder_resolution, 3) || arm_has(m->encoder_offset, 3)) {
         for (int i = 0; i < 3; i++) {
             const Joint j = joint_of(m, i);
             m->q[i] = joint_encoder(&j, m->q[i]);
@@ -390,5 +281,5 @@ static void outputs(Model *m, double t) {
         if (m->torque_saturation[i] > 0 && fabs(m->tau_motor[i]) >= m->torque_saturation[i]) m->saturated = 1;
         if (m->actuator_lag[i] > 0) m->tau_motor[i] = m->tau_lag[i];
     }
-    if (m->contact_stiffness > 0) contact_force(m, &p, m->f_contact);
+    if (m->walled != 0) arm_contact_force(m, &p, m->dq_link, m->f_contact);
 }

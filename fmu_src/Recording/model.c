@@ -1,4 +1,4 @@
-/* Plays recorded columns, see README.md. The outputs are the first doubles of the struct, in the order of the columns. */
+/* Plays recorded columns, see README.md. */
 #include <stdint.h>
 
 #include "recording.h"
@@ -28,20 +28,9 @@ static int row_at(double t) {
     return time_of(high) <= t + 1e-6 * (time_of(high) - time_of(low)) ? high : low;
 }
 
-static const char *start(Model *m) {
-    (void)m;
-    return NULL;
-}
-
-static const char *sample(Model *m, double t) {
-    (void)m;
-    (void)t;
-    return NULL;
-}
-
 /* y(t) = y_k + part (y_{k+1} - y_k); before the first row its values, after the last one its values */
 static void outputs(Model *m, double t) {
-    double *y = (double *)m;
+    double *y = Recording_OUTPUT(m); /* in the order of the columns */
     int row = row_at(t), next = row + 1 < ROWS ? row + 1 : row;
     double part = 0.0;
     if (next > row && (int)m->interpolation == INTERPOLATION_LINEAR) {

@@ -10,16 +10,15 @@
 
 #include "../shared/elementary.h"
 #include "../shared/random.h"
-#include "../shared/ring.h"
+#include "law.h"
 
-#define CAPACITY 8192
-#define WIDTH 8
+#define CAPACITY ((int)(sizeof((Model *)0)->ring / sizeof((Model *)0)->ring[0]))
+#define WIDTH (sizeof((Model *)0)->ring[0] / sizeof(double))
 
 enum { STREAM_KNOTS, STREAM_CHAIN, STREAM_LOSS };
 
 static Ring ring_of(Model *m) {
-    Ring r = {m->ring, CAPACITY, WIDTH, (int)m->head, (int)m->count};
-    return r;
+    return RING(m->ring, m->head, m->count);
 }
 
 static void keep(Model *m, const Ring *r) {
@@ -132,16 +131,10 @@ static void present(Model *m, const double *signals, double sent, double t) {
 /* Shows record i, or with linear interpolation the point between records i and i + 1 at `target`. */
 static void receive(Model *m, const Ring *r, int i, double target, double t) {
     const double *a = ring_at(r, i), *b = i + 1 < r->count ? ring_at(r, i + 1) : a;
-    const double past = target - a[0], gap = b[0] - a[0];
-    if ((int)m->interpolation != INTERPOLATION_LINEAR || (int)m->semantics > SEMANTICS_TRANSPORT_DELAY ||
-        past <= RING_SAME || gap <= RING_SAME) {
-        present(m, a + 2, a[1], t);
-        return;
-    }
+    const double part = channel_part(m, target - a[0], b[0] - a[0]);
     double mixed[6];
-    const double part = past / gap;
-    for (int k = 0; k < 6; k++) mixed[k] = a[2 + k] + part * (b[2 + k] - a[2 + k]);
-    present(m, mixed, a[1] + part * (b[1] - a[1]), t);
+    for (int k = 0; k < 6; k++) mixed[k] = channel_between(a[2 + k], b[2 + k], part);
+    present(m, mixed, channel_between(a[1], b[1], part), t);
 }
 
 static const char *start(Model *m) {
@@ -158,13 +151,15 @@ static const char *start(Model *m) {
     m->walk[0] = uniform_knot(m, 0);
     m->walk[1] = walk_on(m, m->walk[0], 0);
     /* u(t < 0) = u(0): the first input stands in the ring as received before */
-    const double t = m->origin, record[WIDTH] = {-1e300, t, m->u[0], m->u[1], m->u[2], m->v[0], m->v[1], m->v[2]};
+    const double t = m->origin,
+                 record[WIDTH] = {CHANNEL_BEFORE, t, m->u[0], m->u[1], m->u[2], m->v[0], m->v[1], m->v[2]};
     Ring r = ring_of(m);
     ring_insert(&r, record);
     keep(m, &r);
     m->delay_now = (int)m->law == LAW_RECORDED && !(m->delay >= 0) ? 0 : delay_at(m, t);
     m->last_time = t;
-    present(m, record + 2, t, t);
+    m->age = 0;
+    channel_start(m, m->y, m->w);
     return enter(m, t, m->delay_now, 0);
 }
 
@@ -182,7 +177,7 @@ static const char *sample(Model *m, double t) {
         const char *problem = enter(m, t, delay, step);
         if (problem) return problem;
     }
-    const double target = (int)m->semantics == SEMANTICS_TIME_DELAY ? t - delay : t;
+    const double target = channel_target(m, t, delay);
     Ring r = ring_of(m);
     if (m->dropped != 0 && target + RING_SAME < ring_at(&r, 0)[0]) return too_long(m, delay, t, step);
     const int found = ring_find(&r, target), i = found < 0 ? 0 : found;
@@ -196,10 +191,4 @@ static const char *sample(Model *m, double t) {
         m->in_flight = m->count - 1 - i;
     }
     return NULL;
-}
-
-/* What was received stands in the outputs since start() or sample(). */
-static void outputs(Model *m, double t) {
-    (void)m;
-    (void)t;
 }

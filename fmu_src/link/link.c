@@ -8,21 +8,8 @@
  * seconds of its own; LANES of them go side by side, with the bits that each has alone, until the one that needs most steps is done.
  * twist (n, links): t; transmitted (n, links): contact (N m).
  */
+#include "exported.h"
 #include "real.h"
-
-#ifdef REAL_LANES
-#define LANES REAL_LANES
-#define LANE(r, i) ((r)[i])
-#else
-#define LANES 1
-#define LANE(r, i) (r)
-#endif
-
-#if defined(_WIN32)
-#define EXPORTED __declspec(dllexport)
-#else
-#define EXPORTED __attribute__((visibility("default")))
-#endif
 
 enum { MOTOR, LIGHTEST, DRIVEN, STIFFNESS, DAMPING, GAP, START, START_RATE, SUBSTEPS, NUMBERS };
 

@@ -8,6 +8,7 @@
 
 #include "model.c"
 
+#include "defaults.h"
 #include "exchange.h"
 #include "instance.h"
 #include "sensitivity.h"

@@ -16,6 +16,7 @@
 
 #include "model.c"
 
+#include "defaults.h"
 #include "exchange.h"
 #include "instance.h"
 #include "sensitivity.h"
@@ -145,7 +146,7 @@ static Status get_float64(Instance *c, const char *function, unsigned reference,
         *value = c->s.time;
         return OK;
     }
-    if (reference >= FIRST_SLOPE && reference - FIRST_SLOPE < (unsigned)N_SLOPES) {
+    if (reference >= FIRST_SLOPE && reference < FIRST_SLOPE + (unsigned)N_SLOPES) {
         *value = c->s.slope[reference - FIRST_SLOPE];
         return OK;
     }
@@ -153,7 +154,7 @@ static Status get_float64(Instance *c, const char *function, unsigned reference,
 }
 
 static Status set_float64(Instance *c, const char *function, unsigned reference, double value) {
-    if (reference >= FIRST_SLOPE && reference - FIRST_SLOPE < (unsigned)N_SLOPES) {
+    if (reference >= FIRST_SLOPE && reference < FIRST_SLOPE + (unsigned)N_SLOPES) {
         return set_slope(c, function, (int)(reference - FIRST_SLOPE), value);
     }
     return set_value(c, function, reference, REAL, value);

@@ -1,22 +1,20 @@
-/* The number type of the physics headers.
+/* Arithmetic in `real`, the number type of the physics headers.
  *
  * `real` is a double. A vector build (the sweep's batch kernel) defines REAL_LANES as 2, 4 or 8 and compiles the same
  * sources for that many scenarios at once: every operation below is element by element and rounds as the scalar one
  * does, so lane i has the bits that the scalar build has. Sources that include this header use no branches on `real`
- * values: comparisons give a `mask`, and `choose(mask, a, b)` chooses. `all(mask)` is for a short cut with the same bits.
+ * values: comparisons give a `mask`, and `choose(mask, a, b)` chooses. `all(mask)` and `any(mask)` are for short cuts with
+ * the same bits.
  */
 #ifndef REAL_H
 #define REAL_H
 
 #include <math.h>
-#include <stdint.h>
 #include <string.h>
 
-#ifndef REAL_LANES
+#include "lanes.h"
 
-typedef double real;
-typedef int mask;
-typedef int64_t real_bits;
+#ifndef REAL_LANES
 
 static inline real real_of(double a) {
     return a;
@@ -30,6 +28,9 @@ static inline real real_sqrt(real a) {
 static inline int all(mask c) {
     return c;
 }
+static inline int any(mask c) {
+    return c;
+}
 static inline real_bits bits_of(real a) {
     real_bits b;
     memcpy(&b, &a, sizeof b);
@@ -41,11 +42,7 @@ static inline real real_of_bits(real_bits b) {
     return a;
 }
 
-#else /* vector lanes: the vector extensions of gcc and clang */
-
-typedef double real __attribute__((vector_size(8 * REAL_LANES)));
-typedef int64_t real_bits __attribute__((vector_size(8 * REAL_LANES)));
-typedef real_bits mask; /* -1 where true, 0 where false */
+#else /* vector lanes */
 
 static inline real real_of(double a) {
     real r;
@@ -64,6 +61,11 @@ static inline int all(mask c) {
     for (int i = 0; i < REAL_LANES; i++) r &= c[i] != 0;
     return r;
 }
+static inline int any(mask c) {
+    int r = 0;
+    for (int i = 0; i < REAL_LANES; i++) r |= c[i] != 0;
+    return r;
+}
 static inline real_bits bits_of(real a) {
     return (real_bits)a;
 }
@@ -73,6 +75,12 @@ static inline real real_of_bits(real_bits b) {
 
 #endif
 
+static inline mask nowhere(void) {
+    return real_of(0.0) > real_of(1.0);
+}
+static inline mask everywhere(void) {
+    return real_of(0.0) < real_of(1.0);
+}
 static inline real real_abs(real a) {
     return choose(a < 0.0, -a, a);
 }
@@ -81,6 +89,10 @@ static inline real real_min(real a, real b) {
 }
 static inline real real_max(real a, real b) {
     return choose(a > b, a, b);
+}
+/* 1 where true, 0 where false. */
+static inline real real_of_mask(mask c) {
+    return choose(c, real_of(1.0), real_of(0.0));
 }
 static inline real real_clamp(real a, real low, real high) {
     return real_min(real_max(a, low), high);

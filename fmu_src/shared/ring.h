@@ -16,6 +16,11 @@ typedef struct {
     int capacity, width, head, count;
 } Ring;
 
+/* The ring in a model's memory [capacity][width], of which the head and the count are kept beside it. */
+#define RING(memory, head, count)                                                                                      \
+    ((Ring){(memory)[0], (int)(sizeof(memory) / sizeof((memory)[0])), (int)(sizeof((memory)[0]) / sizeof(double)),     \
+            (int)(head), (int)(count)})
+
 /* Record i counted from the oldest. */
 static inline double *ring_at(const Ring *r, int i) {
     int slot = r->head + i;

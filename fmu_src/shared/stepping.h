@@ -4,6 +4,9 @@
 
 #include "instance.h"
 
+#define MOST_STATES (N_STATES + 1)
+#include "runge_kutta.h"
+
 /* u(t_n + offset) = u(t_n) + slope offset, from the inputs at the start of the step. */
 static inline void move_inputs(Instance *c, const double *at_start, double offset) {
     double *x = values_of(c);
@@ -15,35 +18,35 @@ static inline void move_inputs(Instance *c, const double *at_start, double offse
 }
 
 #if MODEL_CONTINUOUS
-/* k = dx/dt at t_n + offset, states x0 + h k_before */
-static inline void stage(Instance *c, const double *inputs, double start_time, double offset, const double *x0,
-                         double h, const double *before, double *k) {
+/* A communication step of an instance: the inputs at its start, its time. */
+typedef struct {
+    Instance *instance;
+    const double *inputs;
+    double start_time;
+} Motion;
+
+static inline void rates(void *system, double offset, const double *at, double *k) {
+    const Motion *motion = system;
+    Instance *c = motion->instance;
     double *x = values_of(c);
-    if (before) {
-        for (int i = 0; i < N_STATES; i++) {
-            x[state_at[i]] = x0[i] + h * before[i];
-        }
+    for (int i = 0; at && i < N_STATES; i++) {
+        x[state_at[i]] = at[i];
     }
-    move_inputs(c, inputs, offset);
-    derivatives(&c->s.model, start_time + offset);
+    move_inputs(c, motion->inputs, offset);
+    derivatives(&c->s.model, motion->start_time + offset);
     for (int i = 0; i < N_STATES; i++) {
         k[i] = x[derivative_at[i]];
     }
 }
 
-/* x(t + h) = x + h/6 (k1 + 2 (k2 + k3) + k4) */
-static inline void runge_kutta(Instance *c, const double *inputs, double start_time, double offset, double h) {
-    double x0[N_STATES + 1], k1[N_STATES + 1], k2[N_STATES + 1], k3[N_STATES + 1], k4[N_STATES + 1];
-    double *x = values_of(c);
+static inline void integrate(Motion *motion, double offset, double h) {
+    double states[N_STATES + 1], *x = values_of(motion->instance);
     for (int i = 0; i < N_STATES; i++) {
-        x0[i] = x[state_at[i]];
+        states[i] = x[state_at[i]];
     }
-    stage(c, inputs, start_time, offset, x0, 0.0, NULL, k1);
-    stage(c, inputs, start_time, offset + 0.5 * h, x0, 0.5 * h, k1, k2);
-    stage(c, inputs, start_time, offset + 0.5 * h, x0, 0.5 * h, k2, k3);
-    stage(c, inputs, start_time, offset + h, x0, h, k3, k4);
+    runge_kutta(rates, motion, N_STATES, states, offset, h);
     for (int i = 0; i < N_STATES; i++) {
-        x[state_at[i]] = x0[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+        x[state_at[i]] = states[i];
     }
 }
 #endif
@@ -81,9 +84,10 @@ static inline Status do_step(Instance *c, double point, double step) {
     }
     m->step = step;
 #if MODEL_CONTINUOUS
+    Motion motion = {c, inputs, point};
     int steps = (int)INTERNAL_STEPS(m);
     for (int i = 0; i < steps; i++) {
-        runge_kutta(c, inputs, point, step * i / steps, step / steps);
+        integrate(&motion, step * i / steps, step / steps);
     }
 #endif
     move_inputs(c, inputs, step);

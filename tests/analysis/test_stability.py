@@ -7,9 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.analysis.assessment import theory
+from cosim.analysis.coupling import coupled
 from cosim.analysis.criteria import closed_form
 from cosim.analysis.evidence import StabilityEvidence, strongest
-from cosim.analysis.linearisation import linearise
+from cosim.analysis.examination import examine
+from cosim.analysis.linearisation import linear_loop, linearise
 from cosim.analysis.margin import margins
 from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import position_loop
@@ -113,7 +115,8 @@ def test_identified_negative_viscosity_takes_the_guarantee_away():
         load_scenario("sallam-nodelay"), {"arm_*.parameter_set": "UR", "arm_*.viscous": [-2.08e-3, -1.28e-3, -0.18e-3]}
     )
     with open_system(scenario) as system:
-        said = theory(system.wiring(scenario), linearise(scenario, system))
+        found = examine(system.wiring(scenario), system)
+        said = theory(system.wiring(scenario), linear_loop(found), coupled(found))
     assert said.delay_sum.max_delay == 0.0 and not said.delay_sum.holds
     assert said.pair[0].viscosity.value == pytest.approx(-2.08e-3 / 0.05**2, rel=1e-3)
 

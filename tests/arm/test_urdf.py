@@ -10,8 +10,6 @@ from cosim.arm.serial_kinematics import tip_position
 from cosim.arm.urdf import read_urdf
 from cosim.errors import InputError
 
-pytest.importorskip("urdf_parser_py")
-
 INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
 BODY = f'<inertial><origin xyz="0.1 0 0"/><mass value="1"/>{INERTIA}</inertial>'
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="2"/>'

@@ -184,7 +184,7 @@ def main() -> None:
             print(f"| {part} | {figure(value)} | {figure(loop / value)} |")
         print("\n| points a second, two worker processes against one | times |\n|---|---|")
         for what, evaluator in (
-            ("kernel alone", "tests.benchmarks.sweeps:batch"),
+            ("kernel alone", f"{Path(__file__).resolve()}:batch"),
             ("kernel, twin, verdict", EVALUATORS["simulation"]),
         ):
             print(f"| {what} | {figure(cores(evaluator, 3 if quick else 12))} |", flush=True)

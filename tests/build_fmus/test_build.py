@@ -10,14 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from attrs import evolve
 from fmpy.validation import validate_fmu
 from typer.testing import CliRunner
 
 from build_fmus import BuildError, cache, compiler, fmu_path, models, recording_fmu, start_values
 from build_fmus.cli import app, platforms_apart
 from build_fmus.description import describe
-from build_fmus.sources import source_root
-from build_fmus.table import load_table, override
+from build_fmus.header import batch_header, defines, header
+from build_fmus.sources import model_table
+from build_fmus.table import ModelVariable, load_table, override
 from build_fmus.units import exponents, per_second
 from build_fmus.validation import problems_of
 from tests.support.probe import Importer, probe, probe_table
@@ -42,6 +44,53 @@ def write_table(folder: Path, extra: str = "", head: str = "") -> Path:
         f"[experiment]\nstop = 1.0\nstep = 0.1\n{extra}"
     )
     return path
+
+
+# ---- the struct ----
+
+
+def test_an_fmu_has_the_whole_struct_in_doubles_and_a_batch_its_lanes_without_histories():
+    table = model_table("PhantomArm")
+    alone, batch = header(table), batch_header(table)
+    assert "double tau[3];" in alone and "double delayed[512][7];" in alone and "real" not in alone.split("typedef")[1]
+    assert "real tau[3];" in batch and "real kept[24];" in batch and "delayed" not in batch
+    assert "double impedance;" in batch  # one number for all lanes
+    assert "#define PhantomArm_STATES 24" in batch and "#define PhantomArm_STATE_AT 38" in batch
+
+
+def test_states_that_do_not_follow_one_another_have_no_first():
+    table = probe_table()
+    rows = [*table.variable, ModelVariable("z", "state", "one more", unit="N.s", derivative="y")]
+    apart = header(evolve(table, variable=rows))
+    assert "#define Probe_STATE(m)" in header(table)
+    assert "#define Probe_STATES 3" in apart and "Probe_STATE(m)" not in apart
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_model_needs_no_function_that_does_nothing(version):
+    """x' = rate x + u from the table's start, no outputs of its own: those keep their start values."""
+    bare = b"""/* static const char *start(Model *m) { return NULL; } is left out */
+    static void derivatives(Model *m, double t) { (void)t; m->dx[0] = m->rate * m->x[0] + m->u[0]; }
+    """
+    fmu = Importer(probe(version, bare), {"u[1]": 2.0, "rate": -1.0})
+    for k in range(10):
+        fmu.step(0.01 * k, 0.01)
+    assert fmu.get("x[1]") == pytest.approx(2.0 * (1 - np.exp(-0.1)), rel=1e-9)  # RK4 at 5 ms: 1e-11
+    assert fmu.get("y") == 0.0 and fmu.get("x[2]") == 0.0
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        (b"static const char *sample(Model *m, double t) {", True),
+        (b"static const char* sample (Model* m,\n    double t)\n{", True),
+        (b"static const char *sample(Model *m, double t);\nint f(void) { return 0; }", False),
+        (b"// static const char *sample(Model *m, double t) {\n", False),
+        (b"static const char *resample(Model *m) {", False),
+    ],
+)
+def test_which_functions_a_model_has(code, expected):
+    assert defines(code, "sample") is expected
 
 
 # ---- the table ----
@@ -85,6 +134,20 @@ def test_a_type_that_does_not_fit_is_named(tmp_path):
     row = '[[variable]]\nname = "u"\ncausality = "inptu"\nunit = "N"\ndescription = "d"\n'
     with pytest.raises(BuildError, match="causality"):
         load_table(write_table(tmp_path, row))
+
+
+def test_private_memory_has_a_shape(tmp_path):
+    row = '[[variable]]\nname = "u"\ncausality = "input"\nunit = "N"\ndescription = "d"\n[[private]]\nname = "kept"\n'
+
+    def private(size: str) -> str:
+        return f"{row}size = {size}\n"
+
+    assert load_table(write_table(tmp_path, private("[512, 7]"))).shape("kept") == (512, 7)
+    assert load_table(write_table(tmp_path, row)).shape("kept") == ()
+    assert model_table("PhantomArm").shape("kept") == (24,)  # "states"
+    for size in ("0", "[3, -1]", '"state"', "1.5"):
+        with pytest.raises(BuildError, match="kept: size .* is neither a count, a list of counts nor"):
+            load_table(write_table(tmp_path, private(size)))
 
 
 def test_overridden_start_values_are_checked():
@@ -387,7 +450,7 @@ def test_states_and_derivatives_are_declared():
 
 
 def test_an_output_without_feedthrough_depends_on_nothing():
-    table = load_table(source_root() / "PDController" / "model.toml")
+    table = model_table("PDController")
     reference = table.references("tau")[0]
     assert f'<Unknown index="{reference + 1}" dependencies=""/>' in describe(table, 2, "t")
     assert f'<Output valueReference="{reference}" dependencies=""/>' in describe(table, 3, "t")

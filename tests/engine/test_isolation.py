@@ -177,12 +177,12 @@ def test_other_uses_of_fmus_run_apart_too(clocks):
         def counted(mark):
             return sum(instance.start({}) is None for instance in system.instances(system.wiring(scenario)))
 
-        assert called(counted, scenario, system, "it was counted") == 2 and not system.loaded
+        assert called(counted, int, scenario, system, "it was counted") == 2 and not system.loaded
         with pytest.raises(ZeroDivisionError):
-            called(lambda mark: 1 / 0, scenario, system, "it was counted")
+            called(lambda mark: 1 / 0, int, scenario, system, "it was counted")
         with pytest.raises(RunError, match="FMU second: the FMU crashed while it was counted .signal SIGABRT"):
-            called(lambda mark: os.abort(), scenario, system, "it was counted")
-    assert called(lambda mark: os.getpid(), load_scenario("sallam-stable"), None, "") == os.getpid()
+            called(lambda mark: os.abort(), int, scenario, system, "it was counted")
+    assert called(lambda mark: os.getpid(), int, load_scenario("sallam-stable"), None, "") == os.getpid()
 
 
 def test_a_child_that_may_crash_has_no_fault_handler_of_pytest(clocks):

@@ -112,6 +112,7 @@ def test_ecos_gives_our_trajectories(archive, ours):
 def test_container_gives_our_trajectories(wiring, ours, tmp_path, fmi):
     container = write_container(wiring, tmp_path / "system.fmu", fmi)
     assert not validate_fmu(str(container))
+    assert float(fmpy.read_model_description(str(container)).defaultExperiment.tolerance) == 1e-6
     result = fmpy.simulate_fmu(str(container), stop_time=5.0, step_size=STEP, output_interval=STEP, output=WATCHED)
     for name in WATCHED:
         np.testing.assert_allclose(result[name], ours.signals[name][: len(result)], rtol=0, atol=TIME_OF_OTHERS)
@@ -181,11 +182,14 @@ def edited(archive: Path, target: Path, *changes: tuple[str, str]) -> Path:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ([("<ssd:Elements>", '<ssd:Elements><ssd:System name="inner"/>')], "nested system inner"),
-        ([('startElement="operator" ', "")], "system's own connectors"),
+        (
+            [("<ssd:Elements>", '<ssd:Elements><ssd:Bus name="inner"/>')],
+            "line 4: expected in <ssd:Elements>",
+        ),
+        ([('startElement="operator" ', "")], "expected a connector of this system, got 'f[1]'"),
         ([('endConnector="f_command[1]"', 'endConnector="f_comand[1]"')], "did you mean 'f_command[1]'"),
     ],
-    ids=["nested", "own-connector", "misspelt"],
+    ids=["unknown-element", "own-connector", "misspelt"],
 )
 def test_what_cannot_be_read_is_said(archive, tmp_path, changes, words):
     with pytest.raises(InputError) as error:
@@ -327,3 +331,44 @@ def test_start_values_lie_within_their_range():
                 value = float(v.start)
                 assert bounds[0] is None or value >= bounds[0], f"{model}.{v.name}"
                 assert bounds[1] is None or value <= bounds[1], f"{model}.{v.name}"
+
+
+def test_omsimulator_finds_an_identifier_and_its_master(archive):
+    """Its reader (Model::getSystemType) looks for this element to know the type of a system."""
+    root = etree.fromstring(zipfile.ZipFile(archive).read("SystemStructure.ssd"))
+    assert root.get("name") == "sallam_stable"
+    (master,) = root.findall(
+        "{*}System/{*}Annotations/{*}Annotation[@type='org.openmodelica']/{*}Annotations/{*}SimulationInformation/*"
+    )
+    assert (
+        master.tag
+        == "{https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd}FixedStepMaster"
+    )
+    assert master.prefix == "oms" and master.get("description") == "oms-ma" and float(master.get("stepSize")) == STEP
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_whole_numbers_in_place_of_enumerations(wiring, fmi, tmp_path):
+    """No enumeration is left, the values are the same, and the FMU simulates to the same bits."""
+    from build_fmus import fmu_path
+    from cosim.exports.enumerations import whole_numbers
+
+    original = fmu_path("Environment", fmi)
+    plain = whole_numbers(original)
+    assert not validate_fmu(str(plain))
+    before, after = (fmpy.read_model_description(str(fmu)).modelVariables for fmu in (original, plain))
+    changed = [(a.name, a.start, b.type) for a, b in zip(before, after, strict=True) if a.type == "Enumeration"]
+    assert changed and all(type_ in ("Integer", "Int64") for *_, type_ in changed)
+    assert [v.start for v in before] == [v.start for v in after]
+    assert "Enumeration" not in {v.type for v in after}
+    rows = [fmpy.simulate_fmu(str(f), stop_time=0.1, step_size=1e-3, output_interval=1e-3) for f in (original, plain)]
+    assert np.array_equal(*rows)
+
+
+def test_an_archive_without_enumerations_gives_the_same_bits(wiring, ours, tmp_path):
+    plain = write_ssp(wiring, tmp_path / "plain.ssp", enumerations=False)
+    inside = zipfile.ZipFile(plain)
+    fmus = [name for name in inside.namelist() if name.endswith(".fmu")]
+    assert len(fmus) == len(wiring.scenario.components)
+    again = run(load_scenario(str(plain), ["experiment.stop=2"]), record=WATCHED)
+    assert all(np.array_equal(again.signals[n], ours.signals[n][: len(again.signals[n])]) for n in WATCHED)

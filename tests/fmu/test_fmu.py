@@ -49,7 +49,7 @@ def test_errors_carry_name_time_and_words(fmi):
     with pytest.raises(RunError) as caught:
         instance.set()
     assert caught.value.fmu == "right" and caught.value.time == 0.5 and "x[1] = nan" in str(caught.value)
-    assert not other.messages
+    assert not other.said()
     instance.close()
     other.close()
 

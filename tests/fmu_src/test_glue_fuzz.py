@@ -8,8 +8,7 @@ import pytest
 
 from build_fmus import models
 from build_fmus.build import BuildJob, source_files
-from build_fmus.sources import source_root
-from build_fmus.table import load_table
+from build_fmus.sources import model_table
 from tests.support.paths import SUPPORT
 
 pytestmark = pytest.mark.needs("gcc")
@@ -24,7 +23,7 @@ FLAGS = [
 
 
 def fuzz(model: str, version: int, folder: Path, seeds: int, rounds: int) -> None:
-    table = load_table(source_root() / model / "model.toml")
+    table = model_table(model)
     for name, data in source_files(BuildJob(table, version, ())).items():
         (folder / name).write_bytes(data)
     shutil.copy(SUPPORT / "fuzz.c", folder)

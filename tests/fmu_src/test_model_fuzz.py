@@ -5,7 +5,8 @@ import subprocess
 
 import pytest
 
-from tests.support.model_harness import FLAGS, SOURCES, CompiledModel, _table
+from build_fmus.table import ModelTable
+from tests.support.model_harness import FLAGS, SOURCES, CompiledModel
 
 MAIN = """
 #include <stdio.h>
@@ -29,7 +30,7 @@ static double draw(int k, int wild)
 }
 static int finite_states(const Model *m)
 {
-    for (int k = 0; k < STATES; k++) if (!isfinite(((const double *)m)[state_at[k]])) return 0;
+    for (int k = 0; k < N_STATES; k++) if (!isfinite(((const double *)m)[state_at[k]])) return 0;
     return 1;
 }
 int main(void)
@@ -61,28 +62,15 @@ int main(void)
 """
 
 
-def parameter_rows(model: str) -> str:
+def parameter_rows(table: ModelTable) -> str:
     """C rows of every parameter and input: place, range, whether whole, whether input, start value."""
-    places, out = CompiledModel(model)._places, []
-    for entry in _table(model):
-        if entry["causality"] not in ("parameter", "input"):
-            continue
-        kind = entry.get("type", "Real")
-        low = {"Boolean": 0, "Enumeration": 1}.get(kind, entry.get("min", -1e308))
-        high = {"Boolean": 1, "Enumeration": len(entry.get("items", []))}.get(kind, entry.get("max", 1e308))
-        for i in range(entry.get("size", 1)):
-            start = entry.get("start", 0.0)
-            start = float(start[i] if isinstance(start, list) else start)
-            row = (
-                places[entry["name"]].start + i,
-                float(low),
-                float(high),
-                int(kind != "Real"),
-                int(entry["causality"] == "input"),
-                start,
-            )
-            out.append("{%d, %r, %r, %d, %d, %r}" % row)
-    return ", ".join(out)
+    rows = []
+    for scalar in table.of("parameter", "input"):
+        v = scalar.variable
+        low, high = (-1e308 if v.low is None else v.low), (1e308 if v.high is None else v.high)
+        whole, is_input = int(v.type != "Real"), int(v.causality == "input")
+        rows.append(f"{{{scalar.reference}, {low!r}, {high!r}, {whole}, {is_input}, {scalar.start!r}}}")
+    return ", ".join(rows)
 
 
 TRIALS = {"SerialArm": 4000}
@@ -96,9 +84,10 @@ TRIALS = {"SerialArm": 4000}
     ["PhantomArm", "SerialArm", "AxisDrive", "VariableDelayChannel", "InverseDynamicsController", "ForceObserver"],
 )
 def test_sanitizers_find_nothing_and_no_state_is_lost(model, tmp_path):
-    source = CompiledModel(model).source.replace("(int)m->internal_steps", "(int)fmin(m->internal_steps, 8)")
+    compiled = CompiledModel(model)
+    source = compiled.source.replace("(int)INTERNAL_STEPS(m)", "(int)fmin(INTERNAL_STEPS(m), 8)")
     code, program = tmp_path / "fuzz.c", tmp_path / "fuzz"
-    code.write_text(source + MAIN % {"rows": parameter_rows(model), "trials": TRIALS.get(model, 1500)})
+    code.write_text(source + MAIN % {"rows": parameter_rows(compiled.table), "trials": TRIALS.get(model, 1500)})
     flags = [f for f in FLAGS if f not in ("-fPIC", "-shared", "-O2")]
     subprocess.run(
         [

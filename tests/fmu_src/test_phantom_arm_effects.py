@@ -133,7 +133,7 @@ def test_payload_is_a_mass_at_the_tip():
             # dJ/dt dq along the motion, by central differences of the complex-step Jacobian: h^2/6 |J'''| dq^3 = 1e-10
             rate = (oracle.jacobian(q + 1e-5 * dq) - oracle.jacobian(q - 1e-5 * dq)) @ dq / 2e-5
             mass = oracle.mass(q, pi) + 0.05 * jacobian.T @ jacobian
-            force = TAU - oracle.bias(q, dq, pi) - 0.05 * jacobian.T @ ([*rate, 0, g, 0])
+            force = TAU - oracle.bias(q, dq, pi) - 0.05 * jacobian.T @ (rate + np.array([0, g, 0]))
             assert np.allclose(
                 ddq({"payload": 0.05, "mounting": mounting}, q, dq), np.linalg.solve(mass, force), rtol=1e-7, atol=1e-7
             )

@@ -27,11 +27,11 @@ static void everything(const real *in, real *out)
     arm_torque_of_force(&p, f, out + n); n += 3;
     arm_coriolis(pi, &p, dq, out + n); n += 3;
     arm_coriolis_transposed(pi, &p, dq, out + n); n += 3;
-    arm_gravity(pi, &p, out + n); n += 3;
-    arm_gravity_along(pi, &p, up, out + n); n += 3;
+    arm_gravity(pi + 6, &p, out + n); n += 3;
+    arm_gravity_along(pi + 6, &p, up, out + n); n += 3;
     arm_accelerate(&m, f, out + n); n += 3;
     out[n++] = arm_friction(pi[0], pi[1], real_of(0.01), dq[0]);
-    out[n++] = choose(arm_positive_definite(&m, real_of(1e-5)), real_of(1.0), real_of(0.0));
+    out[n++] = choose(arm_positive_definite(&m), real_of(1.0), real_of(0.0));
     out[n++] = choose(arm_inside(q), real_of(1.0), real_of(0.0));
     memcpy(body, pi, sizeof body);
     arm_add_payload(body, dq[1], real_of(9.81));

@@ -55,7 +55,9 @@ def accelerations(arm: CompiledModel, q, dq, **inputs) -> np.ndarray:
 def test_c_and_numpy_agree_for_any_arm(count, slide):
     model = made_arm(count, count, slide)
     arm = compiled(model).start()
-    for q, dq, _, tau, f in states(model, 20, 1):
+    cases = states(model, 20, 1)
+    assert len(cases) == 20
+    for q, dq, _, tau, f in cases:
         ddq = accelerations(arm, q, dq, tau=tau, f=f)
         arm.show()
         expected = dynamics.forward_dynamics(model, q, dq, tau, f)

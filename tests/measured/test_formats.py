@@ -47,7 +47,7 @@ def message(call) -> str:
 
 
 def test_parquet_with_what_ros_and_lerobot_write(tmp_path, csv_run):
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
     from pyarrow import parquet
 
     effort = [[None if value is None else value for value in row] for row in TAU.tolist()]
@@ -70,7 +70,7 @@ def test_parquet_with_what_ros_and_lerobot_write(tmp_path, csv_run):
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_stamps_of_each_resolution_in_parquet(tmp_path, unit):
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
     from pyarrow import parquet
 
     count = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
@@ -89,7 +89,7 @@ def test_stamps_of_each_resolution_in_parquet(tmp_path, unit):
 
 
 def test_nulls_are_missing_values_and_long_counters_keep_their_digits(tmp_path):
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
     from pyarrow import parquet
 
     q = [None if k == 300 else value for k, value in enumerate(Q[:, 0].tolist())]
@@ -106,7 +106,7 @@ def test_nulls_are_missing_values_and_long_counters_keep_their_digits(tmp_path):
 @pytest.mark.filterwarnings("ignore:Feather V1:DeprecationWarning")
 @pytest.mark.parametrize("version", [1, 2])
 def test_feather(tmp_path, csv_run, version):
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
     from pyarrow import feather
 
     table = pa.table({"t": TIME, "q": Q[:, 0], "tau": TAU[:, 0], "word": ["a"] * ROWS})
@@ -281,7 +281,6 @@ def joint_state(store, stamp, names, position, effort, ros1=False):
 @pytest.fixture(params=["ros1", "sqlite3", "mcap"])
 def bag(request, tmp_path):
     """/joint_states with header stamps and late receipt, /torque at twice the rate without a header."""
-    pytest.importorskip("rosbags")
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -322,7 +321,6 @@ def test_bags(bag, csv_run):
 
 
 def test_messages_about_different_joints_on_one_topic(tmp_path, csv_run):
-    pytest.importorskip("rosbags")
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -340,7 +338,6 @@ def test_messages_about_different_joints_on_one_topic(tmp_path, csv_run):
 
 
 def test_mcap_with_json(tmp_path, csv_run):
-    pytest.importorskip("mcap")
     from mcap.writer import Writer
 
     with (tmp_path / "a.mcap").open("wb") as stream:
@@ -359,7 +356,6 @@ def test_mcap_with_json(tmp_path, csv_run):
 
 
 def test_mdf(tmp_path, csv_run):
-    pytest.importorskip("asammdf")
     from asammdf import MDF, Signal
 
     with MDF(version="4.10") as file:

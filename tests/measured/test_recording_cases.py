@@ -5,18 +5,8 @@ import pytest
 
 import cosim
 from cosim.errors import InputError
-from tests.support.paths import SHARED
 
 TRUTH = {"inertia": 0.8, "viscous": 1.1, "coulomb": 0.6, "offset": 0.05}
-CASES = SHARED.parent / "cases"
-
-
-@pytest.fixture(scope="module")
-def cases():
-    """Folder of the cases; skips where it is absent."""
-    if not CASES.is_dir():
-        pytest.skip(f"cases not here: {CASES} (set COSIM_SHARED)")
-    return CASES
 
 
 READ = [

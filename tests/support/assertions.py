@@ -46,7 +46,8 @@ class SourceFile:
         home, original = self.imported.get(name, ("", ""))
         if not home.startswith("tests."):
             return None
-        there = source_file(ROOT / f"{home.replace('.', '/')}.py")
+        place = ROOT / home.replace(".", "/")
+        there = source_file(place / "__init__.py" if place.is_dir() else place.with_suffix(".py"))
         return (there, there.functions[original]) if original in there.functions else None
 
 

@@ -1,20 +1,22 @@
-"""A model.c compiled without FMI: struct from model.toml, RK4 as the glue does it, called through ctypes.
+"""A model.c compiled without FMI: struct and tables as in its FMU, Runge-Kutta of the glue, called through ctypes.
 
 The tests use it to reach one derivative or one step of a model; what a user gets (FMUs) is tested beside it.
 """
 
 import ctypes
 import hashlib
+import math
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-import tomllib
 from pathlib import Path
 
 import numpy as np
 
+from build_fmus.header import header
+from build_fmus.sources import model_table
 from tests.support.paths import SOURCES
 
 FLAGS = [
@@ -31,34 +33,42 @@ FLAGS = [
 ]
 
 GLUE = """
-#include <math.h>
-#include <string.h>
-typedef struct {{
-{fields}
-    double origin, step, text[32];
-}} Model;
-{enumerations}
+#include "variable.h"
+{header}
+#include "refuse.h"
 #include "{model}/model.c"
-#define STATES {states}
-static const int state_at[] = {{ {state_at} 0 }}, rate_at[] = {{ {rate_at} 0 }};
+#include "defaults.h"
+#define MOST_STATES (N_STATES + 1)
+#include "runge_kutta.h"
+
 static const char *failed;
-int harness_size_of(void) {{ return (int)sizeof(Model); }}
+int harness_size_of(void) {{
+    (void)variables, (void)slope_of, (void)computed_at, (void)state_at, (void)derivative_at;
+    return (int)sizeof(Model);
+}}
 const char *harness_failure(void) {{ return failed; }}
 int harness_begin(Model *m) {{ failed = start(m); if (!failed) outputs(m, 0); return failed != NULL; }}
-void harness_rates(Model *m, double t) {{ {derive} }}
 void harness_show(Model *m, double t) {{ outputs(m, t); }}
-static void integrate(Model *m, double t, double offset, double h)
+#if MODEL_CONTINUOUS
+typedef struct {{ Model *m; double start; }} Motion;
+void harness_rates(Model *m, double t) {{ derivatives(m, t); }}
+static void rates(void *system, double offset, const double *at, double *k)
 {{
-    double *v = (double *)m, s[STATES + 1], k[4][STATES + 1];
-    for (int i = 0; i < STATES; i++) s[i] = v[state_at[i]];
-    for (int n = 0; n < 4; n++) {{
-        const double part = n == 0 ? 0 : n == 3 ? h : 0.5 * h;
-        for (int i = 0; i < STATES; i++) v[state_at[i]] = n == 0 ? s[i] : s[i] + part * k[n - 1][i];
-        harness_rates(m, t + (offset + part));
-        for (int i = 0; i < STATES; i++) k[n][i] = v[rate_at[i]];
-    }}
-    for (int i = 0; i < STATES; i++) v[state_at[i]] = s[i] + h / 6.0 * (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]);
+    const Motion *motion = system;
+    double *v = (double *)motion->m;
+    for (int i = 0; at && i < N_STATES; i++) v[state_at[i]] = at[i];
+    derivatives(motion->m, motion->start + offset);
+    for (int i = 0; i < N_STATES; i++) k[i] = v[derivative_at[i]];
 }}
+static void integrate(Model *m, double start_time, double offset, double h)
+{{
+    Motion motion = {{m, start_time}};
+    double *v = (double *)m, s[N_STATES];
+    for (int i = 0; i < N_STATES; i++) s[i] = v[state_at[i]];
+    runge_kutta(rates, &motion, N_STATES, s, offset, h);
+    for (int i = 0; i < N_STATES; i++) v[state_at[i]] = s[i];
+}}
+#endif
 /* n steps; inputs[n][width] go to the doubles input_at before each step, record[n][count] takes watched ones after. */
 int harness_steps(Model *m, double t0, double step, int n, const double *inputs, int width, const int *input_at,
           double *record, int count, const int *watch)
@@ -66,9 +76,11 @@ int harness_steps(Model *m, double t0, double step, int n, const double *inputs,
     for (int k = 0; k < n; k++) {{
         for (int i = 0; i < width; i++) ((double *)m)[input_at[i]] = inputs[k * width + i];
         const double t = t0 + k * step;
-        const int internal = {internal};
         m->step = step;
-        for (int j = 0; j < internal && STATES > 0; j++) integrate(m, t, step * j / internal, step / internal);
+#if MODEL_CONTINUOUS
+        const int internal = (int)INTERNAL_STEPS(m);
+        for (int j = 0; j < internal; j++) integrate(m, t, step * j / internal, step / internal);
+#endif
         failed = sample(m, t + step);
         if (failed) return k + 1;
         outputs(m, t + step);
@@ -77,16 +89,6 @@ int harness_steps(Model *m, double t0, double step, int n, const double *inputs,
     return 0;
 }}
 """
-
-
-def _table(model: str) -> list[dict]:
-    folder = SOURCES / model
-    table = tomllib.loads((folder / "model.toml").read_text())
-    variables = list(table["variable"])
-    for include in table.get("include", []):
-        for variable in tomllib.loads((folder / include["file"]).read_text())["variable"]:
-            variables.append(variable | ({"size": include["size"]} if "size" in include else {}))
-    return variables + [entry | {"causality": "private"} for entry in table.get("private", [])]
 
 
 def _compiler() -> list[str]:
@@ -132,35 +134,20 @@ class CompiledModel:
     """One instance of a model: `m["q_start"] = ...`, `m.start()`, `m.run(...)`."""
 
     def __init__(self, model: str, **parameters):
-        self._places: dict[str, slice] = {}
-        table, at, fields = _table(model), 0, []
-        for entry in table:
-            size = entry.get("size", 1)
-            self._places[entry["name"]] = slice(at, at + size)
-            fields.append(f"    double {entry['name']}{f'[{size}]' if 'size' in entry else ''};")
-            at += size
-        states = [entry for entry in table if entry["causality"] == "state"]
-        state_at = [i for e in states for i in self._indices(e["name"])]
-        rate_at = [i for e in states for i in self._indices(e["derivative"])]
-        choices = [f"{e['name']}_{item} = {i + 1}" for e in table for i, item in enumerate(e.get("items", []))]
-        self.source = source = GLUE.format(
-            enumerations=f"enum {{ {', '.join(choices).upper()} }};" if choices else "",
-            fields="\n".join(fields),
-            model=model,
-            states=len(state_at),
-            state_at="".join(f"{i}, " for i in state_at),
-            rate_at="".join(f"{i}, " for i in rate_at),
-            internal="(int)m->internal_steps" if "internal_steps" in self._places else "1",
-            derive="derivatives(m, t);" if states else "(void)m; (void)t;",
-        )
-        self._library = compile_library(source)
-        self._public = at - sum(e.get("size", 1) for e in table if e["causality"] == "private")
-        at += 34  # origin, step, text
+        self.table = table = model_table(model)
+        code = (SOURCES / model / "model.c").read_bytes()
+        self.source = GLUE.format(header=header(table, code), model=model)
+        self._library = compile_library(self.source)
         self._library.harness_failure.restype = ctypes.c_char_p
-        assert self._library.harness_size_of() == 8 * at
-        self.memory = np.zeros(at)
-        for entry in table:
-            self.memory[self._places[entry["name"]]] = entry.get("start", 0.0)
+        sizes = {v.name: v.width for v in table.variable} | {
+            p.name: math.prod(table.shape(p.name)) for p in table.private
+        }
+        ends = np.cumsum(list(sizes.values()))
+        self._places = {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends)}
+        self._public = len(table.scalars)
+        self.memory = np.zeros(int(ends[-1]) + 34)  # origin, step, text
+        assert self._library.harness_size_of() == self.memory.nbytes
+        self.memory[: self._public] = [s.start for s in table.scalars]
         self.time = 0.0
         for name, value in parameters.items():
             self[name] = value

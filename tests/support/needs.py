@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from attrs import frozen
 
-from tests.support.paths import SHARED
+from tests.support.paths import CASES, SHARED
 
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 """Of Debian's libc6-arm64-cross."""
@@ -60,6 +60,7 @@ class Need:
 
 NEEDS = {
     "data": Need(f"the measured data in {SHARED} (COSIM_SHARED names another folder)", SHARED.is_dir),
+    "cases": Need(f"the inputs that failed, in {CASES}", CASES.is_dir),
     "cc": Need("the system's C compiler, cc", _program("cc")),
     "gcc": Need("gcc with its sanitizers", _program("gcc")),
     "nm": Need("nm of the binutils", _program("nm")),
@@ -68,7 +69,9 @@ NEEDS = {
     "avx512": Need("a processor with AVX-512 F and DQ", _processor("avx512f", "avx512dq")),
     "libcosim": Need("libcosim (libcosimpy's binary for this platform)", _loads("libcosimpy.CosimExecution")),
     "ecos": Need("Ecos (Debian: apt install libtbb12)", _loads("ecospy")),
+    "exporters": Need("pythonfmu and pythonfmu3 (PyPI)", lambda: _loads("pythonfmu")() and _loads("pythonfmu3")()),
     "vdmcheck": Need("VDMCheck2 (Java, Maven, Maven Central)", _program("java", "mvn")),
+    "robots": Need("pinocchio and example-robot-data (not for Windows)", _loads("pinocchio")),
     "wine": Need("Wine (Debian: apt install wine64)", lambda: wine() is not None),
     "qemu": Need(
         "QEMU (Debian: apt install qemu-user libc6-arm64-cross)",

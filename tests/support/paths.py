@@ -8,3 +8,4 @@ SOURCES = ROOT / "fmu_src"
 SUPPORT = ROOT / "tests" / "support"
 DATA = ROOT / "tests" / "data"
 SHARED = Path(os.environ.get("COSIM_SHARED", ROOT.parent / "shared" / "data"))
+CASES = SHARED.parent / "cases"

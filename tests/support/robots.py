@@ -2,11 +2,10 @@
 numbers.
 """
 
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
-import pytest
 from attrs import frozen
 
 from cosim.arm.chain import pick_chain
@@ -15,6 +14,7 @@ from cosim.arm.serial import SerialModel
 from cosim.arm.serial_table import arm_values
 from cosim.arm.urdf import read_urdf
 from tests.support.model_harness import CompiledModel
+from tests.support.needs import require
 
 ROBOTS = {
     "panda": "panda_description/urdf/panda.urdf",
@@ -31,12 +31,9 @@ ROBOTS = {
 
 
 def robot_file(name: str) -> Path:
-    """The URDF of one of ROBOTS; skips where the package is not installed."""
-    pytest.importorskip("urdf_parser_py")
-    try:
-        package = distribution("example-robot-data")
-    except PackageNotFoundError:
-        pytest.skip("example-robot-data is not installed")
+    """The URDF of one of ROBOTS."""
+    require("robots")
+    package = distribution("example-robot-data")
     return Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots"))) / ROBOTS[name]
 
 
@@ -54,7 +51,9 @@ class PinocchioArm:
 
     @classmethod
     def of(cls, name: str, arm: ReducedArm) -> "PinocchioArm":
-        pin = pytest.importorskip("pinocchio")
+        require("robots")
+        import pinocchio as pin
+
         full = pin.buildModelFromUrdf(str(robot_file(name)))
         pose = pin.neutral(full)
         for joint in arm.locked:
@@ -126,11 +125,13 @@ def put(arm: CompiledModel, **values) -> None:
         arm[name] = padded(arm, name, value)
 
 
-def states(model: SerialModel, count: int, seed: int):
+def states(model: SerialModel, count: int, seed: int) -> list[tuple[np.ndarray, ...]]:
     """Random q inside the limits, dq, ddq, tau, f."""
     random, n = np.random.default_rng(seed), model.count
-    for q in model.poses(count, seed):
-        yield q, *random.uniform(-2, 2, (2, n)), random.uniform(-5, 5, n), random.uniform(-10, 10, 3)
+    return [
+        (q, *random.uniform(-2, 2, (2, n)), random.uniform(-5, 5, n), random.uniform(-10, 10, 3))
+        for q in model.poses(count, seed)
+    ]
 
 
 def apart(found: np.ndarray, expected: np.ndarray) -> float:

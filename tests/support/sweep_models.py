@@ -1,5 +1,5 @@
-"""Evaluators for tests: theory instead of simulation, and ones that misbehave. Named "sweep_models:function" in a
-sweep.
+"""Evaluators for tests: theory instead of simulation, and ones that misbehave. A sweep names
+them "sweep_models.py:function".
 """
 
 import faulthandler

@@ -36,7 +36,12 @@ if __name__ == "__main__":
 
 def sweep(count, log):
     return Sweep(
-        "killed", "none", (A, B), Random(count, seed=5), evaluator="sweep_models:quick", set={"log": log, "pause": 0.01}
+        "killed",
+        "none",
+        (A, B),
+        Random(count, seed=5),
+        evaluator=f"{SUPPORT / 'sweep_models.py'}:quick",
+        set={"log": log, "pause": 0.01},
     )
 
 

@@ -30,7 +30,7 @@ GRID = Grid()
 
 
 def sweep(evaluator="quick", design=GRID, axes=(A, B), **fixed):
-    return Sweep("test", "none", tuple(axes), design, evaluator=f"sweep_models:{evaluator}", set=fixed)
+    return Sweep("test", "none", tuple(axes), design, evaluator=f"{SUPPORT / 'sweep_models.py'}:{evaluator}", set=fixed)
 
 
 def test_every_shipped_sweep_loads_and_names_an_existing_scenario():

@@ -174,16 +174,16 @@ class Normal:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.train = ~model.setting.rows.test
-        self.x = [model.design[j, self.train] for j in range(model.setting.joints)]
-        self.residual = [
+        self.train: np.ndarray = ~model.setting.rows.test
+        self.x: list[np.ndarray] = [model.design[j, self.train] for j in range(model.setting.joints)]
+        self.residual: list[np.ndarray] = [
             model.residual[j, self.train] * model.scale[j, self.train, 0] for j in range(model.setting.joints)
         ]
         g = sum((x.T @ x for x in self.x), np.zeros((self.x[0].shape[1],) * 2))
         size = np.diag(g)
         empty = size <= 1e-24 * size.max()  # columns without rows: joints that do not move
         scale = np.where(empty, 0.0, 1 / np.sqrt(np.where(empty, 1.0, size)))
-        self.inverse = (
+        self.inverse: np.ndarray = (
             np.linalg.inv(g * scale[:, None] * scale + np.diag(model.fit.penalty + empty)) * scale[:, None] * scale
         )
 

@@ -1,0 +1,366 @@
+"""How two arms are coupled, read from what their FMUs do: gains, what the plant adds, and what that takes for granted.
+
+The sum condition of the delays (see `criteria.py`) is a theorem about arms that are coupled by a spring and a damper
+each, over channels that only delay, touched by nothing but passive hands and walls. Each of these is looked at here on
+the FMUs of the loop. A controller's gains are the derivatives of its outputs; that the law is the same for large motion
+is tried with inputs at random.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.analysis.damping import LeastViscosity, least_joint_viscosity, least_task_viscosity
+from cosim.analysis.examination import Examined, examine
+from cosim.analysis.linear_fmu import LinearFmu, is_channel, linear_fmu
+from cosim.analysis.lone_fmu import LoneFmu
+from cosim.analysis.memory import looped
+from cosim.analysis.passivity import dissipates, responses
+from cosim.engine.master import System
+from cosim.errors import RunError
+from cosim.signals import Signal, index_of, stem
+from cosim.wiring import Wiring
+
+REACH = (0.01, 0.3)
+"""Amplitudes at which laws are tried [m, m/s, rad, rad/s]: small motion, and the reach of a tip."""
+TRIES = 24
+"""Random inputs at each amplitude."""
+_GRID = np.geomspace(1e-2, 1e4, 300)
+"""Frequencies [rad/s] at which ports are looked at."""
+
+
+@frozen
+class Assumption:
+    """One thing that a condition takes for granted: in words, whether it was found to hold on this loop, what was
+    seen.
+    """
+
+    what: str
+    holds: bool
+    seen: str
+
+
+@frozen
+class CoupledSide:
+    """One arm's coupling: K [N/m], B [N s/m] of the controller per axis (joint space: N m/rad, N m s/rad), plant
+    viscosity.
+    """
+
+    arm: str
+    stiffness: np.ndarray = field(eq=False)
+    damping: np.ndarray = field(eq=False)
+    joint_space: bool
+    viscous: tuple[float, ...]
+    compensated: bool
+
+    @property
+    def viscosity(self) -> LeastViscosity:
+        """Least viscosity of the plant where the controller acts."""
+        return least_joint_viscosity(self.viscous) if self.joint_space else _least_task(self.viscous)
+
+    @property
+    def effective(self) -> np.ndarray:
+        """Damping per axis that a criterion may count on."""
+        return self.damping + self.viscosity.value
+
+
+@lru_cache(maxsize=64)
+def _least_task(viscous: tuple[float, ...]) -> LeastViscosity:
+    return least_task_viscosity(np.array(viscous))
+
+
+@frozen
+class Coupled:
+    """Two arms and what was found of their coupling; `pair` is None where they are not coupled by springs and
+    dampers.
+    """
+
+    pair: tuple[CoupledSide, CoupledSide] | None
+    assumptions: tuple[Assumption, ...]
+
+    @property
+    def broken(self) -> list[str]:
+        """What does not hold, in words."""
+        return [f"{a.what}: {a.seen}" for a in self.assumptions if not a.holds]
+
+
+def coupled(found: Examined) -> Coupled:
+    """The coupling of the two arms of a teleoperation scenario."""
+    wiring, fmus, alone = found.wiring, found.fmus, found.alone
+    arms = wiring.scenario.arms
+    if arms is None:
+        return Coupled(None, (Assumption("two arms face each other", False, "the scenario has none"),))
+    loop = _Loop(wiring, fmus, alone)
+    hidden = [f"{name} {fmu.why}" for name, fmu in fmus.items() if fmu.why]
+    said = [Assumption("every FMU of the loop is seen completely", not hidden, "; ".join(hidden) or "all are")]
+    sides = []
+    for arm, other in (arms, arms[::-1]):
+        side, found = loop.side(arm, other)
+        sides.append(side)
+        said += found
+    local, remote = sides
+    if local is None or remote is None or local.joint_space != remote.joint_space:
+        return Coupled(None, tuple(said))
+    return Coupled((local, remote), tuple(said))
+
+
+def known_coupling(wiring: Wiring, system: System) -> Coupled:
+    """As `coupled`, remembered for loops that differ in their channels' parameters only (points of a sweep)."""
+    scenario = wiring.scenario
+    parts = tuple(
+        (name, d.sha256, scenario.components[name].step_multiple, tuple(sorted(wiring.starts[name].items())))
+        for name, d in wiring.descriptions.items()
+        if not is_channel(d)
+    )
+    key = parts, scenario.connections, scenario.experiment.step_ns, scenario.arms
+    if key not in _KNOWN:
+        if len(_KNOWN) > 512:
+            _KNOWN.clear()
+        _KNOWN[key] = coupled(examine(wiring, system))
+    return _KNOWN[key]
+
+
+_KNOWN: dict[tuple[object, ...], Coupled] = {}
+
+
+@frozen
+class _Law:
+    """Where a controller stands: its arm's inputs that it drives, and what each of its inputs comes from."""
+
+    name: str
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    sources: Mapping[str, Signal]
+
+
+@frozen
+class _Loop:
+    wiring: Wiring
+    fmus: Mapping[str, LinearFmu]
+    alone: Mapping[str, LoneFmu]
+
+    def side(self, arm: str, other: str) -> tuple[CoupledSide | None, list[Assumption]]:
+        """The coupling of one arm, and what it takes for granted."""
+        what = f"a spring to the other arm and a damper act on {arm}, and nothing else of the loop"
+        component, description = self.wiring.scenario.components[arm], self.wiring.descriptions[arm]
+        known = all(description.elements(name) for name in ("viscous", "gravity_compensation", "q_start"))
+        if component.model is None or not known:
+            return None, [Assumption(f"the damping of {arm} in its workspace is known", False, "it is another's FMU")]
+        drivers = {link.source.component for link in self.wiring.links if link.target.component == arm}
+        felt = {link.target.component for link in self.wiring.links if link.source.component == arm}
+        laws, touching = [], []
+        for name in sorted(drivers & felt):
+            law = self._law(name, arm)
+            remote = any(source.component == other for source in law.sources.values())
+            (laws if remote else touching).append(law)
+        own = (tuple(self._vector(arm, "viscous").tolist()), bool(self._vector(arm, "gravity_compensation")[0]))
+        direct = self._reference(arm, other)
+        found = [self._touch(law, arm) for law in touching]
+        if direct and not laws and self._vector(arm, "stiffness").any():
+            gains = self._vector(arm, "stiffness"), self._vector(arm, "damping")
+            side = CoupledSide(arm, *gains, False, *own)
+            seen = [Assumption(what, True, "inside the device, by its parameters"), *self._arm(side, direct, gains[1])]
+            return side, seen + found
+        if len(laws) != 1 or direct:
+            return None, [Assumption(what, False, f"{len(laws) + bool(direct)} couplings were found"), *found]
+        side, seen = self._spring(laws[0], arm, other, own)
+        if side is None:
+            return None, [Assumption(what, False, seen), *found]
+        targets = [
+            link.target.variable
+            for link in self.wiring.links
+            if link.target.component == arm and link.source.component == laws[0].name
+        ]
+        return side, [Assumption(what, True, seen), *self._arm(side, targets, np.zeros(1)), *found]
+
+    def _vector(self, name: str, parameter: str) -> np.ndarray:
+        elements = self.wiring.descriptions[name].elements(parameter)
+        return np.array([self.wiring.start(name, element) for element in elements])
+
+    def _law(self, name: str, arm: str) -> _Law:
+        sources = {
+            link.target.variable: self._origin(link.source)
+            for link in self.wiring.links
+            if link.target.component == name
+        }
+        outputs = [
+            link.source.variable
+            for link in self.wiring.links
+            if (link.source.component, link.target.component) == (name, arm)
+        ]
+        return _Law(name, tuple(dict.fromkeys(outputs)), self.fmus[name].inputs, sources)
+
+    def _origin(self, signal: Signal, seen: frozenset[str] = frozenset()) -> Signal:
+        """What a signal is before the channels that it passed."""
+        name = signal.component
+        if not is_channel(self.wiring.descriptions[name]) or name in seen:
+            return signal
+        row = self.fmus[name].d[self.fmus[name].outputs.index(signal.variable)]
+        through = np.flatnonzero(row)
+        if len(through) != 1 or row[through[0]] != 1.0:
+            return signal
+        target = Signal(name, self.fmus[name].inputs[through[0]])
+        source = next(link.source for link in self.wiring.links if link.target == target)
+        return self._origin(source, seen | {name})
+
+    def _reference(self, arm: str, other: str) -> list[str]:
+        """The arm's own inputs to which the tip of the other arm comes over channels alone."""
+        return [
+            link.target.variable
+            for link in self.wiring.links
+            if link.target.component == arm
+            and (origin := self._origin(link.source)).component == other
+            and stem(origin.variable) == "x"
+        ]
+
+    def _spring(
+        self, law: _Law, arm: str, other: str, own: tuple[tuple[float, ...], bool]
+    ) -> tuple[CoupledSide | None, str]:
+        """K and B of f = K (x_other - x) - B dx, or None and what was seen instead."""
+        roles = {(other, "x"): "far", (arm, "x"): "near", (arm, "dx"): "speed"}
+        joint = any(stem(s.variable) in ("q", "dq") and self._acts(law, v) for v, s in law.sources.items())
+        if joint:
+            roles = {(other, "q"): "far", (arm, "q"): "near", (arm, "dq"): "speed"}
+        n = len(self.wiring.descriptions[arm].elements("q" if joint else "x"))
+        gains = {role: np.zeros((len(law.outputs), n)) for role in roles.values()}
+        rows = [self.fmus[law.name].outputs.index(o) for o in law.outputs]
+        through = self.fmus[law.name].d[rows]
+        for k, variable in enumerate(law.inputs):
+            source = law.sources[variable]
+            role = roles.get((source.component, stem(source.variable)))
+            if role is None and np.any(through[:, k]):
+                return None, f"{law.name} acts on {source}"
+            if role is not None:
+                gains[role][:, index_of(source.variable) - 1] += through[:, k]
+        moving = [r for r in range(len(rows)) if np.any(through[r])]
+        gains = {role: matrix[moving] for role, matrix in gains.items()}
+        k, b = gains["far"], -gains["speed"]
+        scale = max(float(np.abs(k).max(initial=0.0)), 1e-300)
+        if k.shape != (n, n) or np.abs(k - np.diag(np.diag(k))).max() > 1e-6 * scale or np.diag(k).min() <= 0.0:
+            return None, f"{law.name} does not draw each axis of {arm} to the same axis of {other}"
+        if np.abs(gains["near"] + k).max() > 1e-6 * scale:
+            return None, f"{law.name} holds the own position with another stiffness than that of the other arm"
+        if np.abs(b - np.diag(np.diag(b))).max() > 1e-6 * max(float(np.abs(b).max()), 1e-300):
+            return None, f"the damping of {law.name} couples axes"
+        if not self._linear(law.name):
+            return None, f"{law.name} is not linear for motion of {REACH[-1]:g} m"
+        side = CoupledSide(arm, _clean(np.diag(k)), _clean(np.diag(b)), joint, *own)
+        return side, f"{law.name}: K = {_numbers(side.stiffness)}, B = {_numbers(side.damping)}"
+
+    def _acts(self, law: _Law, variable: str) -> bool:
+        rows = [self.fmus[law.name].outputs.index(o) for o in law.outputs]
+        return bool(np.any(self.fmus[law.name].d[rows, law.inputs.index(variable)]))
+
+    def _linear(self, name: str) -> bool:
+        """Whether a static FMU answers inputs at random as its derivatives say, for large motion too."""
+        fmu, one = self.fmus[name], self.alone[name]
+        rows = [one.instance.output_names.index(o) for o in fmu.outputs]
+        rng = np.random.default_rng(3)
+        added = np.vstack([size * rng.uniform(-1.0, 1.0, (TRIES, len(one.base))) for size in REACH])
+        try:
+            moved = one.respond(added)[:, rows] - one.respond(0.0 * added)[:, rows]
+        except RunError:
+            return False
+        expected = added @ fmu.d.T
+        return bool(np.all(np.abs(moved - expected) <= 1e-6 * np.abs(added) @ np.abs(fmu.d.T) + 1e-12))
+
+    def _arm(self, side: CoupledSide, forces: list[str], inside: np.ndarray) -> list[Assumption]:
+        """Gravity, and that the arm takes at least the power that its counted viscosity takes, at the pose."""
+        fmu = self._at_rest(side.arm, forces if not inside.any() else [])
+        speeds, order = _motion(fmu, "q" if side.joint_space else "x")
+        said = [Assumption(f"gravity of {side.arm} is compensated", side.compensated, "by its parameter")]
+        what = f"{side.arm} takes the power that is counted on where it is pushed"
+        columns = [fmu.inputs.index(i) for i in sorted(forces, key=index_of)]
+        columns = [k for k in columns if np.any(fmu.b[:, k])]
+        if len(speeds) != len(columns):
+            return [*said, Assumption(what, False, "its motion is not wired, so that it could not be seen")]
+        kept = [k for k in range(len(fmu.states)) if np.any(fmu.a[k]) or np.any(fmu.b[k])]
+        rows = [fmu.outputs.index(o) for o in sorted(speeds, key=index_of)]
+        scale = 1.0 if not inside.any() else side.stiffness
+        a, b = fmu.a[np.ix_(kept, kept)], fmu.b[np.ix_(kept, columns)] / scale
+        mobility = responses(a, b, fmu.c[np.ix_(rows, kept)], None, _GRID) * (1j * _GRID[:, None, None]) ** order
+        least = side.viscosity.value + float(inside.min())
+        lossy = dissipates(np.linalg.inv(mobility), least)
+        return [*said, Assumption(what, lossy, f"at least {least:.4g} times its squared speed, at the start pose")]
+
+    def _at_rest(self, arm: str, forces: list[str]) -> LinearFmu:
+        """The arm at its start pose without speed and without the forces: what a motion adds turns but does not
+        drive.
+        """
+        one, speeds = self.alone[arm], self.wiring.descriptions[arm].elements("dq_start")
+        if not speeds or not self.fmus[arm].states:
+            return self.fmus[arm]
+        base = np.where(np.isin(one.instance.input_names, forces), 0.0, one.base)
+        still = evolve(one, starts={**one.starts, **dict.fromkeys(speeds, 0.0)}, base=base)
+        still.respond(np.zeros((0, len(base))))
+        return linear_fmu(self.wiring, arm, still)
+
+    def _touch(self, law: _Law, arm: str) -> Assumption:
+        """Whether what touches an arm (a hand, a wall) gives it no power of its own."""
+        what, fmu = f"{law.name} at {arm} is passive", self.fmus[law.name]
+        places: dict[str, list[int]] = {"x": [], "dx": []}
+        for k, variable in enumerate(law.inputs):
+            source = law.sources[variable]
+            role = {"x": "x", "x_tip": "x", "dx": "dx", "dx_tip": "dx"}.get(stem(source.variable))
+            if source.component not in looped(self.wiring):
+                continue
+            if role is None or source.component != arm:
+                if fmu.states or np.any(fmu.d[:, k]):
+                    return Assumption(what, False, f"it also feels {source}, so that it could not be seen")
+                continue
+            places[role].append(k)
+        rows = [fmu.outputs.index(o) for o in law.outputs]
+        if len(places["x"]) not in (0, len(rows)) or len(places["dx"]) not in (0, len(rows)):
+            return Assumption(what, False, "its port could not be made out")
+        answer = responses(fmu.a, fmu.b, fmu.c[rows], fmu.d[rows], _GRID)
+        impedance = np.zeros((len(_GRID), len(rows), len(rows)), complex)
+        if places["dx"]:
+            impedance -= answer[:, :, places["dx"]]
+        if places["x"]:
+            impedance -= answer[:, :, places["x"]] / (1j * _GRID[:, None, None])
+        if fmu.states:
+            stable = bool(np.all(np.linalg.eigvals(fmu.a).real <= 1e-6)) if len(fmu.a) else True
+            return Assumption(what, stable and dissipates(impedance), "by its linear equations at the start")
+        tried = self._dissipates(law, rows, places)
+        return Assumption(what, tried and dissipates(impedance), "tried at random within the reach of the tip")
+
+    def _dissipates(self, law: _Law, rows: list[int], places: Mapping[str, list[int]]) -> bool:
+        """Whether a static force, at random places and speeds, brakes, and draws back what moves on."""
+        one, fmu, rng = self.alone[law.name], self.fmus[law.name], np.random.default_rng(4)
+        chosen = [one.instance.output_names.index(fmu.outputs[r]) for r in rows]
+        still = np.zeros((2 * TRIES, len(one.base)))
+        for size, part in zip(REACH, np.split(still, 2)):
+            part[:, places["x"]] = size * rng.uniform(-1.0, 1.0, (TRIES, len(places["x"])))
+        moving, ahead = still.copy(), still.copy()
+        speed = rng.uniform(-1.0, 1.0, (len(still), len(rows)))
+        if places["dx"]:
+            moving[:, places["dx"]] = speed
+        if places["x"]:
+            ahead[:, places["x"]] += 1e-3 * speed
+        try:
+            at_rest, f, further = (one.respond(added)[:, chosen] for added in (still, moving, ahead))
+        except RunError:
+            return False
+        size = np.abs(f).max(initial=0.0) + 1e-12
+        drag = np.einsum("ij,ij->i", f - at_rest, speed)
+        spring = np.einsum("ij,ij->i", further - at_rest, speed)
+        return bool(np.all(drag <= 1e-9 * size) and np.all(spring <= 1e-9 * size))
+
+
+def _motion(fmu: LinearFmu, position: str) -> tuple[list[str], int]:
+    """Wired outputs that show the motion at a port, and how often they are to be differentiated to be its speed."""
+    for order, name in ((0, f"d{position}"), (0, f"d{position}_tip"), (1, position)):
+        if found := [o for o in fmu.outputs if stem(o) == name]:
+            return found, order
+    return [], 0
+
+
+def _clean(values: np.ndarray) -> np.ndarray:
+    """Nine digits: what differences of a linear law are right to."""
+    return np.array([float(f"{v:.9g}") for v in values])
+
+
+def _numbers(values: np.ndarray) -> str:
+    return ", ".join(f"{v:g}" for v in dict.fromkeys(values.tolist()))

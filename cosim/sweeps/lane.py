@@ -1,0 +1,172 @@
+"""A scenario as the batch kernel sees it: components, where their outputs lie, start values and series of a lane."""
+
+from __future__ import annotations
+
+import itertools
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.engine.master import run
+from cosim.errors import RunError
+from cosim.signals import FmuDescription, index_of, stem
+from cosim.wiring import Wiring
+
+HELD = {
+    "PhantomArm": {"q_link": ("q",), "dq_link": ("dq",), "x_tip": ("x", "x_tip"), "dx_tip": ("dx", "dx_tip")},
+    "PLikeController": {"f": ("f",), "tau": ("tau",)},
+    "VariableDelayChannel": {"y": ("y",), "w": ("w",)},
+}
+"""Models that the kernel has, which of their vectors its store holds, and the outputs that have the same values: an arm
+without effects measures what is.
+"""
+_NO_BOUND = 1e300
+_REMEMBERED = 64  # series of a feed
+
+
+@frozen
+class LaneComponent:
+    """A component: what it is, which of its inputs are wired, start values.
+
+    model: empty for a series, a component that the kernel does not have and whose outputs are computed beforehand.
+    """
+
+    name: str
+    model: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    starts: Mapping[str, float | str]
+    description: FmuDescription
+
+    @classmethod
+    def of(cls, wiring: Wiring, name: str) -> LaneComponent:
+        model = wiring.scenario.components[name].model or ""
+        return cls(
+            name,
+            model if model in HELD else "",
+            tuple(wiring.inputs(name)),
+            tuple(wiring.outputs(name)),
+            dict(wiring.starts[name]),
+            wiring.descriptions[name],
+        )
+
+    @classmethod
+    def all(cls, wiring: Wiring) -> tuple[LaneComponent, ...]:
+        """The components of a scenario, in its order."""
+        return tuple(cls.of(wiring, name) for name in wiring.scenario.components)
+
+    def number(self, name: str) -> float:
+        """Start value of a scalar variable."""
+        value = self.starts.get(name)
+        return float(self.description.variables[name].start or 0.0) if value is None else float(value)
+
+    def choice(self, name: str) -> str:
+        """Start value of an enumeration, in words."""
+        return self.description.variables[name].item(self.number(name))
+
+    def places(self, names: Sequence[str]) -> list[int]:
+        """Where variables lie in the struct of the model: their value references."""
+        return [self.description.variables[name].reference for name in names]
+
+    @property
+    def count(self) -> int:
+        """How many numbers of it the kernel's store holds."""
+        return 3 * len(HELD[self.model]) if self.model else len(self.outputs)
+
+    @property
+    def computed(self) -> list[tuple[str, int]]:
+        """Outputs that the kernel has, with their places among what its store holds."""
+        if not self.model:
+            return [(name, i) for i, name in enumerate(self.outputs)]
+        places = {output: 3 * i for i, same in enumerate(HELD[self.model].values()) for output in same}
+        stems = [(name, places.get(stem(name))) for name in self.outputs]
+        return [(name, at + index_of(name) - 1) for name, at in stems if at is not None]
+
+
+@frozen
+class LanePlaces:
+    """Where the kernel's outputs lie in half its store: `first` of each component, `number` by signal name, `at` by
+    place in the schedule's store (-1: not computed); how many there are.
+    """
+
+    first: tuple[int, ...]
+    number: Mapping[str, int]
+    at: np.ndarray = field(eq=False)
+    count: int
+
+    @classmethod
+    def of(cls, wiring: Wiring, parts: Sequence[LaneComponent]) -> LanePlaces:
+        *first, count = itertools.accumulate((part.count for part in parts), initial=0)
+        number = {f"{part.name}.{output}": at + i for at, part in zip(first, parts) for output, i in part.computed}
+        at = np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64)
+        return cls(tuple(first), number, at, count)
+
+
+@frozen
+class LaneSetting:
+    """A lane: a wiring, its parts, and for each part its series."""
+
+    wiring: Wiring
+    parts: tuple[LaneComponent, ...]
+    series: tuple[np.ndarray | None, ...] = field(eq=False)
+
+    @classmethod
+    def of(cls, wiring: Wiring, alike: Sequence[LaneComponent], feed: Feed) -> LaneSetting:
+        """The lane of a wiring whose components are `alike` but for their start values."""
+        parts = tuple(evolve(part, starts=wiring.starts[part.name]) for part in alike)
+        return cls(wiring, parts, tuple(_series(wiring, part, feed) for part in parts))
+
+    @property
+    def shared(self) -> tuple[float, ...]:
+        """What all lanes of a call must have in common: internal steps."""
+        return tuple(p.number("internal_steps") for p in self.parts if "internal_steps" in p.description.variables)
+
+
+def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | None:
+    """(rows, columns): the outputs of a series, or the delay of a channel; one row where it does not change."""
+    if not part.model:
+        return feed.values(wiring, part, part.outputs)
+    if part.model != "VariableDelayChannel":
+        return None
+    if part.choice("law") == "constant":
+        return np.array([[part.number("delay_mean")]])
+    return feed.values(wiring, evolve(part, inputs=()), ("delay_now",))
+
+
+class Feed:
+    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once; the
+    last of them are remembered.
+    """
+
+    def __init__(self) -> None:
+        self.known: OrderedDict[tuple[object, ...], np.ndarray] = OrderedDict()
+
+    def values(self, wiring: Wiring, part: LaneComponent, outputs: Sequence[str]) -> np.ndarray:
+        """(steps + 1, outputs) values of a component's outputs at every communication point, alone in its own run."""
+        experiment = wiring.scenario.experiment
+        length = (experiment.steps, experiment.step_ns)
+        key = (part.description.sha256, tuple(sorted(part.starts.items())), length, tuple(outputs))
+        if key not in self.known:
+            self.known[key] = _alone(wiring, part, outputs)
+        self.known.move_to_end(key)
+        while len(self.known) > _REMEMBERED:
+            self.known.popitem(last=False)
+        return self.known[key]
+
+
+def _alone(wiring: Wiring, part: LaneComponent, outputs: Sequence[str]) -> np.ndarray:
+    component = wiring.scenario.components[part.name]
+    alone = evolve(
+        wiring.scenario,
+        components={part.name: evolve(component, parameters=dict(part.starts), parameter_set=None)},
+        connections=(),
+        experiment=evolve(wiring.scenario.experiment, record_every=1, order=(), bound=_NO_BOUND),
+    )
+    result = run(alone, record=[f"{part.name}.{name}" for name in outputs])
+    if result.failure is not None:
+        raise result.failure
+    if result.stopped_at is not None:
+        raise RunError(part.name, result.stopped_at, f"ended early when run alone: {result.message}")
+    return np.ascontiguousarray(np.column_stack([result.signals[f"{part.name}.{name}"] for name in outputs]))

@@ -1,0 +1,34 @@
+/* What a channel shows of the samples that it was sent, in `real`: one source for FMU and sweeps' vector lanes. */
+#ifndef VARIABLE_DELAY_CHANNEL_LAW_H
+#define VARIABLE_DELAY_CHANNEL_LAW_H
+
+#include "../shared/real.h"
+#include "../shared/ring.h"
+
+#define CHANNEL_BEFORE -1e300 /* s: stamp of the first input, which stands for all time before: u(t < 0) = u(0) */
+
+/* What is shown at first: u(0). */
+static inline void channel_start(const VariableDelayChannelModel *m, real y[3], real w[3]) {
+    for (int i = 0; i < 3; i++) y[i] = m->u[i], w[i] = m->v[i];
+}
+
+/* The stamp of what is shown at t: with time_delay t - d(t), else t, for the stamps are then those of arrival. */
+static inline real channel_target(const VariableDelayChannelModel *m, double t, real delay) {
+    return choose(m->semantics == real_of(SEMANTICS_TIME_DELAY), t - delay, real_of(t));
+}
+
+/* How far the target is on the line from the sample at or before it (`late` s before) to the next (`gap` s later); 0: the
+ * sample itself, where samples are held, packets shown, or the target no later than the sample. */
+static inline real channel_part(const VariableDelayChannelModel *m, real late, real gap) {
+    const real linear = real_of(INTERPOLATION_LINEAR), last_with_lines = real_of(SEMANTICS_TRANSPORT_DELAY);
+    const mask lines =
+        (m->interpolation == linear) & (m->semantics <= last_with_lines) & (late > RING_SAME) & (gap > RING_SAME);
+    return choose(lines, late / gap, real_of(0.0));
+}
+
+/* y = u_k + part (u_{k+1} - u_k) */
+static inline real channel_between(real before, real after, real part) {
+    return choose(part > 0.0, before + part * (after - before), before);
+}
+
+#endif

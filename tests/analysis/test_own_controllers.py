@@ -1,0 +1,69 @@
+"""`cosim stability` on loops with controllers of the user's own: no condition where its assumptions do not hold."""
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.analysis.coupling import coupled
+from cosim.analysis.examination import examine
+from cosim.analysis.linearisation import linearise
+from cosim.analysis.spectrum import max_delay
+from cosim.fmu import open_system
+from cosim.scenario import load_scenario, with_parameters
+from tests.support.own_fmus import own_loop, remembering_controller, static_controller, without
+
+
+def _coupled(scenario):
+    with open_system(scenario) as system:
+        return coupled(examine(system.wiring(scenario), system))
+
+
+def test_an_integrator_that_no_output_shows_takes_every_guarantee_away():
+    """Issue: "any law, this plant: guaranteed" stood beside a simulation that grew at +0.095 1/s."""
+    scenario = own_loop(remembering_controller(), {"channel_*.delay_mean": 0.3, "controller_*.integral": 0.2})
+    found = cosim.stability(scenario)
+    said = found.to_dict()
+    assert said["simulation"]["outcome"] == "growing" and said["evidence"] == "falsified"
+    assert said["delay_sum"] is None and not said["known_mass"]["holds"] and said["margin"] is None
+    assert "remembers" in said["withheld"]["known_mass"] and "guaranteed" not in str(found)
+    assert said["linearised"]["controller_l"]["misses"] and not said["linearised"]["arm_l"]["misses"]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_static_controller_has_the_spectrum_of_the_papers_one(tmp_path, fmi):
+    """With directional derivatives, and without: its outputs by differences."""
+    ours = with_parameters(load_scenario("sallam-nodelay"), {"channel_*.delay_mean": 0.3})
+    flag = "providesDirectionalDerivative" + "s" * (fmi == 3)
+    own = static_controller(fmi)
+    with open_system(ours) as system:
+        expected = max_delay(linearise(ours, system).family())
+    for fmu in (own, without(own, tmp_path, flag)):
+        scenario = own_loop(fmu, {"channel_*.delay_mean": 0.3})
+        with open_system(scenario) as system:
+            loop = linearise(scenario, system)
+            assert not loop.unseen and max_delay(loop.family()) == pytest.approx(expected, rel=1e-6)
+            found = coupled(examine(system.wiring(scenario), system))
+        assert not found.broken and np.allclose(found.pair[1].stiffness, 0.25, rtol=1e-8)
+    assert loop.fmus["controller_l"].origin.startswith("differences")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"arm_l.actuator_lag": 0.01}, "arm_l takes the power"),
+        ({"arm_r.gravity_compensation": False}, "gravity of arm_r"),
+        ({"controller_l.space": "joint"}, "spring"),
+    ],
+)
+def test_what_the_sum_condition_takes_for_granted_is_looked_at(values, words):
+    assert not _coupled(load_scenario("sallam-nodelay")).broken
+    found = _coupled(with_parameters(load_scenario("sallam-nodelay"), values))
+    assert found.pair is None or any(words in reason for reason in found.broken)
+    assert found.broken
+
+
+def test_a_hand_and_a_wall_are_tried():
+    scenario = load_scenario("contact")
+    assert not _coupled(scenario).broken
+    active = _coupled(with_parameters(scenario, {"operator.reference_amplitude": 0.0, "arm_l.actuator_lag": 0.01}))
+    assert any("arm_l" in reason for reason in active.broken)

@@ -97,9 +97,9 @@ def coupled(found: Examined) -> Coupled:
     said = [Assumption("every FMU of the loop is seen completely", not hidden, "; ".join(hidden) or "all are")]
     sides = []
     for arm, other in (arms, arms[::-1]):
-        side, found = loop.side(arm, other)
+        side, checked = loop.side(arm, other)
         sides.append(side)
-        said += found
+        said += checked
     local, remote = sides
     if local is None or remote is None or local.joint_space != remote.joint_space:
         return Coupled(None, tuple(said))

@@ -7,6 +7,7 @@ from attrs import field, frozen
 
 from cosim.analysis.lone_fmu import LoneFmu
 from cosim.errors import RunError
+from cosim.fmu import FmuInstance
 from cosim.signals import FmuDescription, is_real
 from cosim.wiring import Wiring
 
@@ -82,6 +83,7 @@ def linear_fmu(wiring: Wiring, name: str, one: LoneFmu) -> LinearFmu:
     known = [k for k, v in enumerate(states + inputs) if is_real(variables[v])]
     knowns, unknowns = states + inputs, slopes + outputs
     whole = np.zeros((len(unknowns), len(knowns)))
+    assert isinstance(one.instance, FmuInstance), "only an FMU shows derivatives"
     whole[:, known] = one.instance.jacobian(unknowns, [knowns[k] for k in known])
     if not np.isfinite(whole).all():
         row, column = np.argwhere(~np.isfinite(whole))[0]

@@ -50,7 +50,7 @@ def responses(
     inner = np.linalg.solve(
         1j * frequencies[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (size, *b.shape)).astype(complex)
     )
-    return c @ inner + d
+    return np.asarray(c @ inner + d, dtype=np.complex128)
 
 
 def dissipates(impedance: np.ndarray, counted: float = 0.0, accuracy: float = 1e-6) -> bool:

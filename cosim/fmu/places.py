@@ -108,8 +108,9 @@ def recording_warnings(component: Component, scenario: Scenario) -> tuple[str, .
 def read_columns(path: Path, time: str, names: Sequence[str], progress: Progress | None = None) -> np.ndarray:
     """Time [s] and columns of a measured file of any kind, as (rows, 1 + columns). Raises InputError."""
     table, notes = _read_columns(str(path), stamp(path) if path.is_file() else (0, 0), time, tuple(names))
-    for note in notes if progress is not None else ():
-        progress(note)
+    if progress is not None:
+        for note in notes:
+            progress(note)
     return table
 
 

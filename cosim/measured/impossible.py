@@ -98,7 +98,8 @@ def _without_jumps(stretch: Stretch, column: int, jumps: list[_Jump], largest: f
     values[missing | frozen_rows] = np.nan
     signals = stretch.signals.copy()
     signals[:, column] = values
-    signals[np.ix_(missing, stretch.torques)] = _zero_frames(signals[np.ix_(missing, stretch.torques)])
+    cells = np.ix_(missing, np.array(stretch.torques, dtype=int))
+    signals[cells] = _zero_frames(signals[cells])
     stretch = evolve(stretch, signals=signals)
     if len(moved) > FEW:
         text = (

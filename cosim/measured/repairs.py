@@ -164,7 +164,11 @@ def _filled(stretch: Stretch, note: Notes) -> Stretch:
         good = ~bad[:, column]
         signals[~good, column] = np.interp(stretch.time[~good], stretch.time[good], signals[good, column])
     where = ", ".join(f"{stretch.names[c]} {int(bad[:, c].sum())}" for c in np.flatnonzero(bad.any(axis=0))[:6])
-    note(f"{stretch.name}: missing values interpolated ({where})", "missing", stretch.numbers(bad.any(axis=1)))
+    note(
+        f"{stretch.name}: missing values interpolated ({where})",
+        "missing",
+        stretch.numbers(np.asarray(bad.any(axis=1))),
+    )
     return evolve(stretch, signals=signals)
 
 

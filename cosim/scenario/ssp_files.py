@@ -30,11 +30,10 @@ class SspFiles:
 
     def find(self, element: Element, source: str, findings: Findings) -> Path | None:
         """The file or folder that a source names; None, and a problem, where it is not there or may not be read."""
-        address = urlsplit(source)
-        if address.scheme not in ("", "file") or address.netloc or address.query or address.fragment:
-            findings.refuse(element, "a file as source", repr(source), "put it into the archive")
+        path = self._addressed(source)
+        if path is None:
+            findings.refuse(element, "a file as source", repr(source[:200]), "put it into the archive")
             return None
-        path = (self.structure.parent / unquote(address.path)).resolve()
         if not self._may_read(path):
             findings.refuse(
                 element,
@@ -43,10 +42,21 @@ class SspFiles:
                 "--allow-outside, or load(..., allow_outside=True), lets it be read",
             )
             return None
-        if not path.is_file() and not path.is_dir():
+        if not path.exists():
             findings.refuse(element, "a source that is there", f"no file {source!r}")
             return None
         return path
+
+    def _addressed(self, source: str) -> Path | None:
+        """The path that a URI names, links followed; None where it names something else than a file."""
+        try:
+            address = urlsplit(source)
+            if address.scheme not in ("", "file") or address.netloc or address.query or address.fragment:
+                return None
+            path = (self.structure.parent / unquote(address.path)).resolve()
+            return path if path.is_file() or path.is_dir() or not path.exists() else None
+        except (OSError, ValueError):  # too long, or characters that no path has
+            return None
 
     def _may_read(self, path: Path) -> bool:
         """Whether a file, links followed, lies inside, or outside is allowed."""

@@ -16,7 +16,7 @@ from attrs import frozen
 from cosim.errors import InputError
 from cosim.identification.identification import identify
 from cosim.measured import read
-from tests.support.axis_rig import FAULTS, STRENGTHS, TRUTH, AxisTable, recorded
+from tests.support.axis_rig import FAULTS, STRENGTHS, TRUTH, AxisLog, recorded
 
 EXPECTED = {
     "dropout": ("jump", "hole"),
@@ -49,7 +49,7 @@ class Trial:
     covered: tuple[bool, ...] = ()
 
 
-def trial(table: AxisTable, folder: Path) -> Trial:
+def trial(table: AxisLog, folder: Path) -> Trial:
     """Write, read and identify one recording."""
     try:
         data = read([table.write(folder / "x.csv")])

@@ -8,7 +8,7 @@ import cosim
 from cosim.measured import read
 from cosim.measured.clipping import at_extreme
 from cosim.measured.impossible import APART, separated
-from tests.support.axis_rig import COUNT, FAULTS, TRUTH, AxisTable, recorded
+from tests.support.axis_rig import COUNT, FAULTS, TRUTH, AxisLog, recorded
 
 REPAIRED = {
     "dropout": "jump",
@@ -24,11 +24,11 @@ REPAIRED = {
 
 
 @pytest.fixture(scope="module")
-def clean() -> AxisTable:
+def clean() -> AxisLog:
     return recorded(3)
 
 
-def identified(table: AxisTable, tmp_path):
+def identified(table: AxisLog, tmp_path):
     data = read([table.write(tmp_path / "x.csv")])
     return data, {p["name"]: p for p in cosim.identify(data).to_dict()["parameters"]}
 
@@ -52,7 +52,7 @@ def test_rows_of_a_dropout_are_those_that_were_put_in(clean, tmp_path):
     q = clean.q.copy()
     rows = np.array([2000, 2001, 7000])
     q[rows] = np.where(np.abs(q[rows]) > 0.2, 0.0, 3.0)
-    data, _ = identified(AxisTable(clean.t, q, clean.tau, clean.rng), tmp_path)
+    data, _ = identified(AxisLog(clean.t, q, clean.tau, clean.rng), tmp_path)
     (doubt,) = [doubt for doubt in data.doubts if doubt.kind == "jump"]
     assert doubt.rows == tuple(rows + 1) and doubt.count == 3
     assert np.abs(data.runs[0].q[rows, 0] - clean.q[rows]).max() < 5 * COUNT  # linear over 3 rows: q'' h^2 and a count
@@ -60,14 +60,14 @@ def test_rows_of_a_dropout_are_those_that_were_put_in(clean, tmp_path):
 
 def test_a_counter_that_overflows_gives_the_motion_back(clean, tmp_path):
     span = 0.7 * np.ptp(clean.q)
-    data, _ = identified(AxisTable(clean.t, np.mod(clean.q, span), clean.tau, clean.rng), tmp_path)
+    data, _ = identified(AxisLog(clean.t, np.mod(clean.q, span), clean.tau, clean.rng), tmp_path)
     q = data.runs[0].q[:, 0]
     assert np.abs((q - q[0]) - (clean.q - clean.q[0])).max() < 5 * COUNT
 
 
 def test_an_encoder_with_a_new_zero_keeps_its_longest_part(clean, tmp_path):
     q = clean.q + np.where(np.arange(len(clean.q)) < 9000, 0.0, 0.7)
-    data, found = identified(AxisTable(clean.t, q, clean.tau, clean.rng), tmp_path)
+    data, found = identified(AxisLog(clean.t, q, clean.tau, clean.rng), tmp_path)
     assert [len(run) for run in data.runs] == [9000]
     assert "counts from another zero" in " ".join(data.warnings) and found["inertia"]["value"] == pytest.approx(
         0.8, rel=0.01
@@ -76,7 +76,7 @@ def test_an_encoder_with_a_new_zero_keeps_its_longest_part(clean, tmp_path):
 
 def test_clipped_rows_are_left_out_and_the_bias_is_gone(clean, tmp_path):
     limit = float(np.quantile(np.abs(clean.tau), 0.85))
-    table = AxisTable(clean.t, clean.q, np.clip(clean.tau, -limit, limit), clean.rng)
+    table = AxisLog(clean.t, clean.q, np.clip(clean.tau, -limit, limit), clean.rng)
     data, found = identified(table, tmp_path)
     assert "sits at its extreme" in " ".join(data.warnings)
     assert np.array_equal(data.runs[0].clipped[:, 0], np.abs(table.tau) == limit)

@@ -27,7 +27,8 @@ def _described(text: bytes) -> bytes:
     for variable in root.findall("ModelVariables//Enumeration"):
         variable.tag = "Integer" if version.startswith("2") else "Int64"
         for key in ("declaredType", "quantity"):
-            variable.attrib.pop(key, None)
+            if key in variable.attrib:
+                del variable.attrib[key]
     definitions = root.find("TypeDefinitions")
     if definitions is not None:
         for declared in list(definitions):

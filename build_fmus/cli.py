@@ -66,6 +66,7 @@ def build_all(wanted: list[str], versions: list[int], platforms: list[str], out:
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+        RUNNING.resume()
 
 
 def copy(built: Path, target: Path) -> str:

@@ -63,11 +63,16 @@ class RunningCompilers:
         return subprocess.CompletedProcess(command, process.returncode, out, err)
 
     def stop(self) -> None:
-        """End them all, and let none start any more."""
+        """End them all, and let none start until `resume`: threads that build side by side end too."""
         with self.lock:
             self.stopped = True
             for process in list(self.processes):
                 _end(process)
+
+    def resume(self) -> None:
+        """Let programs start again, when the build that was stopped is over."""
+        with self.lock:
+            self.stopped = False
 
 
 RUNNING = RunningCompilers()

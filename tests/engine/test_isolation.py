@@ -188,7 +188,7 @@ def test_other_uses_of_fmus_run_apart_too(clocks):
 def test_a_child_that_may_crash_has_no_fault_handler_of_pytest(clocks):
     scenario = load_text(clocks)
     with open_system(scenario) as system:
-        assert called(lambda mark: faulthandler.is_enabled(), scenario, system, "it was asked") is False
+        assert called(lambda mark: faulthandler.is_enabled(), bool, scenario, system, "it was asked") is False
 
 
 def test_the_stability_command_tells_of_a_crash(clocks, tmp_path):

@@ -142,7 +142,11 @@ def test_the_algorithm_comes_back_with_the_same_bits(tmp_path):
 
 def test_an_archive_that_names_no_algorithm_is_a_warning(archive, tmp_path, capsys):
     other = edited(
-        archive, tmp_path / "other.ssp", ("haptic-cosim.github.io", "example.org"), ("FixedStepAlgorithm", "Other")
+        archive,
+        tmp_path / "other.ssp",
+        ("haptic-cosim.github.io", "example.org"),
+        ("FixedStepAlgorithm", "Other"),
+        ("FixedStepMaster", "OtherMaster"),
     )
     wiring = prepare(str(other), [], None)
     said = capsys.readouterr().err

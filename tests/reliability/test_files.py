@@ -35,6 +35,7 @@ def limited(size):
 @pytest.mark.parametrize("size", [100_000, 700_000])
 def test_a_full_disk_is_told_and_keeps_the_files_that_fit(tmp_path, size):
     """8 s of the scenario: result.h5 of over 1 MB, report.html of 0.3 MB, summary.json of 3 kB."""
+    assert command("run", "sallam-stable", *SHORT, "--out", "built", cwd=tmp_path).returncode == 0  # its FMUs are there
     done = command("run", "sallam-stable", *SHORT, "--out", "o", cwd=tmp_path, preexec_fn=limited(size))
     assert done.returncode == 1, done.stderr
     assert "error: not written: o/result.h5: File too large" in done.stderr and "free space" in done.stderr
@@ -131,12 +132,16 @@ def test_pipes_and_devices_are_refused_at_once(tmp_path, words):
         assert done.returncode == 2 and "got a device or a pipe" in done.stderr
 
 
+UNFED = "warning: good: nothing feeds u, which stays at the start value; wire it, or give it one in parameters\n"
+
+
 @pytest.mark.parametrize("closed", ["1>&-", "2>&-", "1>&- 2>&-", "<&- 1>&- 2>&-", "| true"])
 def test_closed_streams_are_no_error(tmp_path, closed):
     hostile.scenario("HONEST", tmp_path)
     program = f"set -o pipefail; {sys.executable} -m cosim run s.toml --out o {closed}"
     done = subprocess.run(["bash", "-c", program], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.returncode == 0
+    assert done.stderr in ("", UNFED)
     assert len(cosim.open_result(tmp_path / "o").time) == 201
 
 

@@ -65,7 +65,7 @@ def test_what_an_fmu_writes_to_other_descriptors_is_its_error_and_no_more(tmp_pa
     done = command("run", "s.toml", "--out", "o", cwd=tmp_path)
     assert done.returncode == 1 and "the FMU wrote to descriptors that are not its own" in done.stderr
     result = cosim.open_result(tmp_path / "o")
-    assert len(result.time) > 50 and np.array_equal(result["evil.y"], np.arange(len(result.time)))
+    assert len(result.time) >= 50 and np.array_equal(result["evil.y"], np.arange(len(result.time)))
 
 
 def test_a_hostile_fmu_is_bad_news_on_the_command_line(tmp_path):

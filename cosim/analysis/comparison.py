@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from cosim.analysis.assessment import Theory, boundary, plant_ports, theory
 from cosim.analysis.coupling import Coupled, coupled
@@ -14,19 +14,46 @@ from cosim.analysis.linear_fmu import LinearFmu
 from cosim.analysis.linearisation import LinearLoop, linear_loop
 from cosim.analysis.margin import Margins, margins
 from cosim.analysis.passivity import PortPassivity
+from cosim.analysis.prediction import Prediction, predict
+from cosim.analysis.stepped import Stepped, stepped
 from cosim.analysis.twin import judged_run
 from cosim.engine.isolation import called, runner
 from cosim.engine.reference import RunProgress
+from cosim.errors import RunError
 from cosim.fmu import FmuSet
 from cosim.results.summary import Judged
-from cosim.scenario import Scenario
-from cosim.wiring import Wiring
+from cosim.scenario import Scenario, with_parameters
 
 
-def _loop(wiring: Wiring, system: FmuSet, mark: np.ndarray | None) -> tuple[LinearLoop, Coupled]:
-    """The linearised loop and the coupling of its arms, on loaded FMUs."""
-    found = examine(wiring, system, mark)
-    return linear_loop(found), coupled(found)
+@frozen
+class _Looked:
+    """What was found with the FMUs at hand."""
+
+    loop: LinearLoop
+    coupled: Coupled
+    stepped: Stepped
+    prediction: Prediction | None
+
+
+def _looked(scenario: Scenario, system: FmuSet, mark: np.ndarray | None) -> _Looked:
+    """The linearised loop, in continuous and discrete time, the coupling of its arms, and how well it predicts."""
+    found = examine(system.wiring(scenario), system, mark)
+    loop, coupling = linear_loop(found), coupled(found)
+    still = found
+    if not loop.constant:
+        changes = {f"{n}.{key}": value for n, bounds in loop.channels.items() for key, value in _steady(bounds[1])}
+        still = examine(system.wiring(with_parameters(scenario, changes)), system, mark)
+    discrete = stepped(still)
+    try:
+        prediction = predict(still, discrete.loop, discrete.delays) if discrete.loop else None
+    except RunError:
+        prediction = None
+    return _Looked(loop, coupling, evolve(discrete, wiring=still.wiring), prediction)
+
+
+def _steady(delay: float) -> list[tuple[str, object]]:
+    """Values of a channel that shows what was sent so long ago, always."""
+    return [("law", "constant"), ("delay_mean", delay), ("loss_good", 0.0), ("loss_bad", 0.0)]
 
 
 @frozen
@@ -40,6 +67,7 @@ class Comparison:
     judged: Judged
     added_ages: Mapping[str, float] = field(factory=dict)
     parts: Mapping[str, LinearFmu] = field(factory=dict, repr=False)
+    stepped: Stepped | None = field(default=None, repr=False)
 
     @property
     def evidence(self) -> StabilityEvidence:
@@ -73,10 +101,14 @@ def compare(
 ) -> tuple[Comparison, LinearLoop]:
     """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
     wiring = system.wiring(scenario)
-    loop, coupling = called(partial(_loop, wiring, system), scenario, system, "the loop was linearised")
-    said, family = theory(wiring, loop, coupling), None if loop.unseen else loop.family()
+    looked = called(partial(_looked, scenario, system), scenario, system, "the loop was linearised")
+    loop = looked.loop
+    said = theory(wiring, loop, looked.coupled, looked.stepped, looked.prediction)
+    family = None if loop.unseen else loop.family()
     margin = margins(family, max(loop.delays)) if family and loop.delays[0] == loop.delays[1] else None
-    limit = boundary(loop) if said.abscissa is not None else None
+    limit = None
+    if said.abscissa is not None:
+        limit = looked.stepped.max_delay() if loop.unseen else boundary(loop)
     judged = judged_run(scenario, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
-    return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus), loop
+    return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus, looked.stepped), loop

@@ -10,8 +10,10 @@ from cosim.analysis.criteria import Coupling, Criterion, delay_sum, sallam_eq10
 from cosim.analysis.linear_fmu import LinearFmu
 from cosim.analysis.linearisation import LinearLoop
 from cosim.analysis.passivity import PortPassivity, port_passivity
+from cosim.analysis.prediction import Prediction
 from cosim.analysis.robust import delay_law_bound
 from cosim.analysis.spectrum import abscissa, max_delay
+from cosim.analysis.stepped import Stepped
 from cosim.wiring import Wiring
 
 
@@ -24,7 +26,8 @@ def coupling(pair: tuple[CoupledSide, CoupledSide]) -> Coupling:
 class Theory:
     """The conditions at one pose. None where a condition does not apply to the scenario; `withheld` says why.
 
-    `coupled`: what was found of the coupling of the arms, which the criteria take for granted.
+    `coupled`: what was found of the coupling of the arms, which the criteria take for granted; `prediction`: how well
+    the linear loop predicts the FMUs; `predicted`: its growth rate [1/s] where that is no evidence.
     """
 
     pose: tuple[float, ...]
@@ -37,6 +40,8 @@ class Theory:
     law_bound: float | None
     abscissa: float | None
     withheld: Mapping[str, str] = field(factory=dict)
+    prediction: Prediction | None = None
+    predicted: float | None = None
 
     @property
     def pair(self) -> tuple[CoupledSide, CoupledSide] | None:
@@ -54,21 +59,33 @@ class Theory:
         return self.delay_sum is not None and self.delay_sum.holds
 
 
-def theory(wiring: Wiring, loop: LinearLoop, found: Coupled) -> Theory:
+def theory(
+    wiring: Wiring,
+    loop: LinearLoop,
+    found: Coupled,
+    discrete: Stepped | None = None,
+    prediction: Prediction | None = None,
+) -> Theory:
     """All conditions for the delays of the scenario. The criteria take the greatest delays, the spectrum the mean
     ones. A condition whose assumptions do not hold on the loop is withheld.
+
+    discrete: the loop in discrete time, for FMUs that the continuous one does not see; prediction: its check on the
+    FMUs.
     """
-    pair, family = found.pair, loop.family()
+    pair, family, hidden = found.pair, loop.family(), _hidden(loop)
     gains = coupling(pair) if pair and family else None
-    withheld = {}
-    if gains is None or found.broken:
-        withheld["delay_sum"] = "; ".join(found.broken) or "the arms are not coupled over two channels"
-    hidden = _hidden(loop)
-    if hidden:
-        withheld |= dict.fromkeys(("spectrum", "known_mass", "margin"), hidden)
-    elif family is None:
-        withheld |= dict.fromkeys(("known_mass", "margin"), "the loop has no channel, or a signal passes two")
     sure = gains is not None and not found.broken
+    missed = _missed(prediction)
+    withheld = {}
+    if not sure:
+        withheld["delay_sum"] = "; ".join(found.broken) or "the arms are not coupled over two channels"
+    if hidden or missed or family is None:
+        why = hidden or missed or "the loop has no channel, or a signal passes two"
+        withheld |= dict.fromkeys(("known_mass", "margin"), why)
+    rate = _finite(abscissa(loop.system())) if not hidden else _discrete_rate(discrete)
+    doubt = missed or (_doubt(hidden, discrete) if hidden else "")
+    if doubt:
+        withheld["spectrum"] = doubt
     return Theory(
         pose_of(wiring),
         loop.delays,
@@ -77,10 +94,35 @@ def theory(wiring: Wiring, loop: LinearLoop, found: Coupled) -> Theory:
         found,
         delay_sum(gains, *loop.longest) if gains and sure else None,
         sallam_eq10(gains, *loop.longest) if gains else None,
-        delay_law_bound(family) if family and not hidden else None,
-        None if hidden else _finite(abscissa(loop.system())),
+        delay_law_bound(family) if family and not hidden and not missed else None,
+        None if doubt else rate,
         withheld,
+        prediction,
+        rate if doubt else None,
     )
+
+
+def _missed(prediction: Prediction | None) -> str:
+    """Why the linear loop does not move as the FMUs do; empty where it does, or where that was not looked at."""
+    if prediction is None or prediction.good:
+        return ""
+    return (
+        f"the linear loop misses {prediction.signal} by {100 * prediction.error:.2g} % in a run of "
+        f"{prediction.duration:g} s from a disturbed state"
+    )
+
+
+def _discrete_rate(discrete: Stepped | None) -> float | None:
+    return _finite(discrete.loop.abscissa) if discrete and discrete.loop else None
+
+
+def _doubt(hidden: str, discrete: Stepped | None) -> str:
+    """Why the loop in discrete time proves nothing; empty where it does."""
+    if discrete is None or discrete.loop is None:
+        return f"{hidden}; {discrete.why}" if discrete and discrete.why else hidden
+    if discrete.unproven:
+        return f"{hidden}; the state of {', '.join(discrete.unproven)} cannot be saved, so that only simulation counts"
+    return ""
 
 
 def _hidden(loop: LinearLoop) -> str:

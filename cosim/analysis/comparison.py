@@ -14,19 +14,52 @@ from cosim.analysis.linear_fmu import LinearFmu
 from cosim.analysis.linearisation import LinearLoop, linear_loop
 from cosim.analysis.margin import Margins, margins
 from cosim.analysis.passivity import PortPassivity
+from cosim.analysis.prediction import Prediction, predict
+from cosim.analysis.stepped import Stepped, stepped
 from cosim.analysis.twin import judged_run
 from cosim.engine.isolation import called, runner
 from cosim.engine.reference import RunProgress
+from cosim.errors import RunError
 from cosim.fmu import FmuSet
 from cosim.results.summary import Judged
-from cosim.scenario import Scenario
+from cosim.scenario import Scenario, with_parameters
 from cosim.wiring import Wiring
 
 
-def _loop(wiring: Wiring, system: FmuSet, mark: np.ndarray | None) -> tuple[LinearLoop, Coupled]:
-    """The linearised loop and the coupling of its arms, on loaded FMUs."""
-    found = examine(wiring, system, mark)
-    return linear_loop(found), coupled(found)
+@frozen
+class _Looked:
+    """What was found with the FMUs at hand."""
+
+    loop: LinearLoop
+    coupled: Coupled
+    stepped: Stepped
+    prediction: Prediction | None
+
+
+def _looked(scenario: Scenario, system: FmuSet, mark: np.ndarray | None) -> _Looked:
+    """The linearised loop, in continuous and discrete time, the coupling of its arms, and how well it predicts."""
+    found = examine(system.wiring(scenario), system, mark)
+    loop, coupling = linear_loop(found), coupled(found)
+    still = found if loop.constant else examine(_still(scenario, system, loop), system, mark)
+    discrete = stepped(still)
+    try:
+        prediction = predict(still, discrete.loop, discrete.delays) if discrete.loop else None
+    except RunError:
+        prediction = None
+    return _Looked(loop, coupling, discrete, prediction)
+
+
+def _still(scenario: Scenario, system: FmuSet, loop: LinearLoop) -> Wiring:
+    """The wiring with constant channels, at their mean delays."""
+    if loop.constant:
+        return system.wiring(scenario)
+    changes = {f"{n}.{key}": value for n, bounds in loop.channels.items() for key, value in _steady(bounds[1])}
+    return system.wiring(with_parameters(scenario, changes))
+
+
+def _steady(delay: float) -> list[tuple[str, object]]:
+    """Values of a channel that shows what was sent so long ago, always."""
+    return [("law", "constant"), ("delay_mean", delay), ("loss_good", 0.0), ("loss_bad", 0.0)]
 
 
 @frozen
@@ -40,6 +73,7 @@ class Comparison:
     judged: Judged
     added_ages: Mapping[str, float] = field(factory=dict)
     parts: Mapping[str, LinearFmu] = field(factory=dict, repr=False)
+    stepped: Stepped | None = field(default=None, repr=False)
 
     @property
     def evidence(self) -> StabilityEvidence:
@@ -73,11 +107,14 @@ def compare(
 ) -> tuple[Comparison, LinearLoop]:
     """The comparison and the linearised loop of a scenario; FMUs of others are used in processes of their own."""
     wiring = system.wiring(scenario)
-    kind = tuple[LinearLoop, Coupled]
-    loop, coupling = called(partial(_loop, wiring, system), kind, scenario, system, "the loop was linearised")
-    said, family = theory(wiring, loop, coupling), None if loop.unseen else loop.family()
+    looked = called(partial(_looked, scenario, system), _Looked, scenario, system, "the loop was linearised")
+    loop = looked.loop
+    said = theory(wiring, loop, looked.coupled, looked.stepped, looked.prediction)
+    family = None if loop.unseen else loop.family()
     margin = margins(family, max(loop.delays)) if family and loop.delays[0] == loop.delays[1] else None
-    limit = boundary(loop) if said.abscissa is not None else None
+    limit = None
+    if said.abscissa is not None:
+        limit = looked.stepped.max_delay(_still(scenario, system, loop)) if loop.unseen else boundary(loop)
     judged = judged_run(scenario, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
-    return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus), loop
+    return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus, looked.stepped), loop

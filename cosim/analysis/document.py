@@ -4,6 +4,7 @@ from cosim.analysis.comparison import Comparison
 from cosim.analysis.coupling import CoupledSide
 from cosim.analysis.criteria import Criterion
 from cosim.analysis.margin import Margins
+from cosim.analysis.prediction import Prediction
 from cosim.results.summary import number
 
 
@@ -21,7 +22,8 @@ def document(found: Comparison) -> dict[str, object]:
         "delay_sum": _criterion(t.delay_sum),
         "sallam_eq10": _criterion(t.sallam_eq10),
         "known_mass": {"holds": t.known_mass, **_delay(t.law_bound)},
-        "spectrum": {"abscissa": t.abscissa, **_delay(found.max_delay)},
+        "spectrum": {"abscissa": t.abscissa, **_delay(found.max_delay), "predicted": number(t.predicted)},
+        "prediction": _prediction(t.prediction),
         "margin": _margin(found.margins),
         "passivity": {
             arm: {"passive": p.passive, "damping": p.damping, "frequency": p.frequency}
@@ -35,7 +37,7 @@ def document(found: Comparison) -> dict[str, object]:
         },
         "withheld": dict(t.withheld),
         "assumptions": [{"what": a.what, "holds": a.holds, "seen": a.seen} for a in t.coupled.assumptions],
-        "linearised": {n: {"from": f.origin, "misses": f.why} for n, f in found.parts.items()},
+        "linearised": {name: _part(found, name) for name in found.parts},
         "contradiction": found.contradiction or None,
         "evidence": found.evidence.value,
         "evidence_meaning": found.evidence.meaning,
@@ -60,7 +62,42 @@ def notes(found: Comparison) -> list[str]:
         said.append("sallam_eq10 holds where the delay-sum condition does not: it is not sufficient and proves nothing")
     if "spectrum" in t.withheld:
         said.append(f"no spectrum, margin or bound from it: {t.withheld['spectrum']}")
+    elif any(part.why for part in found.parts.values()):
+        said.append(
+            "the spectrum is that of the map over a communication step: it holds FMUs by their answers to pulses"
+        )
+    if t.prediction is None:
+        said.append("how well the linear loop predicts the FMUs could not be looked at")
+    else:
+        said.append(
+            f"a run of {t.prediction.duration:g} s from a disturbed state: the linear loop misses at most "
+            f"{100 * t.prediction.error:.2g} % ({t.prediction.signal})"
+        )
+    said += [
+        f"{name}: its outputs follow {fmu.late} step{'s' * (fmu.late > 1)} ({fmu.late * fmu.step:g} s) later"
+        for name, fmu in (found.stepped.fmus if found.stepped else {}).items()
+        if fmu.late and found.parts[name].why
+    ]
     return said
+
+
+def _part(found: Comparison, name: str) -> dict[str, object]:
+    """Where the equations of one FMU come from, and what its declared ones miss."""
+    part, discrete = found.parts[name], found.stepped.fmus.get(name) if found.stepped else None
+    realised = discrete is not None and bool(part.why)
+    return {
+        "from": discrete.origin if realised and discrete else part.origin,
+        "misses": part.why,
+        "late_steps": discrete.late if realised and discrete else 0,
+        "time": "discrete" if realised else "continuous",
+    }
+
+
+def _prediction(prediction: Prediction | None) -> dict[str, object] | None:
+    """How well the linear loop predicts a short run from a disturbed state."""
+    if prediction is None:
+        return None
+    return {"error": number(prediction.error), "signal": prediction.signal, "duration": prediction.duration}
 
 
 def _side(side: CoupledSide) -> dict[str, object]:

@@ -52,7 +52,7 @@ def unseen(wiring: Wiring, name: str, fmu: LinearFmu, one: LoneFmu) -> str:
     """What the matrices of a component miss, in words; empty where they tell all, or where it closes no loop."""
     if name not in looped(wiring) or static_by_source(wiring, name):
         return ""
-    key = _key(wiring, name)
+    key = known_as(wiring, name)
     if key not in _KNOWN:
         if len(_KNOWN) > 4096:
             _KNOWN.clear()
@@ -64,7 +64,8 @@ _KNOWN: dict[tuple[object, ...], str] = {}
 """What was found of an FMU with certain start values: points of a sweep ask again and again."""
 
 
-def _key(wiring: Wiring, name: str) -> tuple[object, ...]:
+def known_as(wiring: Wiring, name: str) -> tuple[object, ...]:
+    """What decides how an FMU alone behaves: its file, start values, wired inputs and step."""
     description, scenario = wiring.descriptions[name], wiring.scenario
     starts = tuple(sorted(wiring.starts[name].items()))
     step = scenario.experiment.step_ns * scenario.components[name].step_multiple

@@ -215,14 +215,26 @@ def _tell_progress(tell: Callable[[News], None], progress: RunProgress) -> None:
     tell({"progress": [progress.done, progress.total, progress.simulated, progress.wall]})
 
 
+def _sparse(found: Mapping[str, Any], _: object) -> Any:
+    """A sparse matrix from its shape and its cells: rows, columns, values."""
+    from scipy.sparse import csr_array
+
+    rows, columns, values = (np.array(part) for part in found["cells"])
+    shape = tuple(found["shape"])
+    return csr_array((values.astype(float), (rows.astype(int), columns.astype(int))), shape=shape)
+
+
 @cache
 def _plain() -> Converter:
     """Between our frozen classes and plain data: arrays with their shape, keys of mappings that are no text, errors."""
     from cattrs import Converter
+    from scipy.sparse import csr_array, find
 
     plain = Converter()
     plain.register_unstructure_hook(np.ndarray, lambda a: {"shape": a.shape, "values": a.ravel().tolist()})
     plain.register_structure_hook(np.ndarray, lambda a, _: np.array(a["values"], dtype=float).reshape(a["shape"]))
+    plain.register_unstructure_hook(csr_array, lambda a: {"shape": a.shape, "cells": [p.tolist() for p in find(a)]})
+    plain.register_structure_hook(csr_array, _sparse)
     plain.register_unstructure_hook(RunError, lambda error: _details(error)["parts"])
     plain.register_structure_hook(RunError, lambda parts, _: RunError(*parts))
     plain.register_unstructure_hook_factory(

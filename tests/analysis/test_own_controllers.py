@@ -6,8 +6,10 @@ import pytest
 import cosim
 from cosim.analysis.coupling import coupled
 from cosim.analysis.examination import examine
-from cosim.analysis.linearisation import linearise
-from cosim.analysis.spectrum import max_delay
+from cosim.analysis.linearisation import linear_loop, linearise
+from cosim.analysis.prediction import predict
+from cosim.analysis.spectrum import abscissa, max_delay
+from cosim.analysis.stepped import stepped
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario, with_parameters
 from tests.support.own_fmus import own_loop, remembering_controller, static_controller, without
@@ -26,6 +28,7 @@ def test_an_integrator_that_no_output_shows_takes_every_guarantee_away():
     assert said["simulation"]["outcome"] == "growing" and said["evidence"] == "falsified"
     assert said["delay_sum"] is None and not said["known_mass"]["holds"] and said["margin"] is None
     assert "remembers" in said["withheld"]["known_mass"] and "guaranteed" not in str(found)
+    assert "spectrum" in found.comparison.theory.withheld or said["spectrum"]["abscissa"] > 0.0
     assert said["linearised"]["controller_l"]["misses"] and not said["linearised"]["arm_l"]["misses"]
 
 
@@ -67,3 +70,44 @@ def test_a_hand_and_a_wall_are_tried():
     assert not _coupled(scenario).broken
     active = _coupled(with_parameters(scenario, {"operator.reference_amplitude": 0.0, "arm_l.actuator_lag": 0.01}))
     assert any("arm_l" in reason for reason in active.broken)
+
+
+MEMORY = {"controller_*.integral": 0.02, "controller_*.keep": 0.5, "controller_*.late": 3}
+
+
+def test_a_step_of_age_is_found_and_named_and_the_growth_agrees():
+    """Outputs that follow one step later: the co-simulation's own growth rate to 0.5 %."""
+    said = cosim.stability(
+        own_loop(remembering_controller(), {"channel_*.delay_mean": 0.3, "controller_*.late": 1})
+    ).to_dict()
+    assert said["linearised"]["controller_l"]["late_steps"] == 1 and said["delay_sum"] is None
+    assert any("its outputs follow 1 step (0.001 s) later" in note for note in said["notes"])
+    assert said["spectrum"]["abscissa"] == pytest.approx(said["simulation"]["growth_rate"], rel=5e-3)
+    assert said["prediction"]["error"] < 0.01
+
+
+def test_without_access_to_its_state_only_simulation_counts(tmp_path):
+    fmu = without(remembering_controller(), tmp_path, "canGetAndSetFMUstate")
+    said = cosim.stability(own_loop(fmu, {"channel_*.delay_mean": 0.2} | MEMORY)).to_dict()
+    assert said["evidence"] == "simulated" and said["spectrum"]["abscissa"] is None
+    assert said["spectrum"]["predicted"] < 0.0 and "cannot be saved" in said["withheld"]["spectrum"]
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
+@pytest.mark.parametrize("extrapolation", ["linear", "hold"])
+def test_the_map_over_a_step_agrees_with_the_spectrum_and_its_ages(algorithm, extrapolation):
+    """Two ways to one number: the delay equation with ages, and the schedule carried out on matrices; H = 1 ms."""
+    scenario = with_parameters(
+        load_scenario("sallam-nodelay"),
+        {
+            "channel_*.delay_mean": 0.0305,
+            "experiment.algorithm": algorithm,
+            "experiment.extrapolation": extrapolation,
+        },
+    )
+    with open_system(scenario) as system:
+        found = examine(system.wiring(scenario), system)
+        discrete = stepped(found)
+        expected = abscissa(linear_loop(found).system())
+        assert predict(found, discrete.loop, discrete.delays).error < 0.01
+    assert discrete.loop.abscissa == pytest.approx(expected, rel=1e-4)

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 from attrs import frozen
-from scipy import sparse
 from scipy.linalg import block_diag
 
 from cosim.analysis.lone_fmu import LoneFmu
+from cosim.analysis.sparse import Sparse, sparse
 from cosim.analysis.step_fmu import StepFmu
 
 HORIZON = 1.0
@@ -119,7 +119,7 @@ def _alike(one: np.ndarray, other: np.ndarray) -> bool:
     return bool(np.abs(one - other).max() <= 1e-5 * np.abs(one).max() + 1e-12)
 
 
-def _map(h: np.ndarray) -> tuple[tuple[np.ndarray | sparse.csr_array, ...], int, float]:
+def _map(h: np.ndarray) -> tuple[tuple[np.ndarray | Sparse, ...], int, float]:
     """A, B, C, D of answers h (n, p, m), their order and residual. Raises NotLinearError where none fits."""
     n, _, m = h.shape
     moved = np.flatnonzero(np.any(h != 0.0, axis=(1, 2)))
@@ -133,13 +133,13 @@ def _map(h: np.ndarray) -> tuple[tuple[np.ndarray | sparse.csr_array, ...], int,
         return (a, b, c, h[0]), len(a), residual
     shift, enter = np.eye(m * late, k=-m), np.vstack([np.eye(m), np.zeros((m * (late - 1), m))])
     leave = np.hstack([np.zeros((m, m * (late - 1))), np.eye(m)])
-    whole = block_diag(shift, a)
+    whole = np.asarray(block_diag(shift, a))
     whole[m * late :, : m * late] = b @ leave
     b = np.vstack([enter, np.zeros((len(a), m))])
     return (whole, b, np.hstack([np.zeros((len(c), m * late)), c]), h[0]), len(whole), residual
 
 
-def _shift_register(h: np.ndarray) -> tuple[sparse.csr_array, ...]:
+def _shift_register(h: np.ndarray) -> tuple[Sparse, ...]:
     """Answers that end: the last inputs are kept, newest first."""
     n, p, m = h.shape
     kept = n - 1

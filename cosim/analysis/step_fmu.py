@@ -2,9 +2,9 @@
 
 import numpy as np
 from attrs import evolve, field, frozen
-from scipy import sparse
 
 from cosim.analysis.linear_fmu import LinearFmu
+from cosim.analysis.sparse import Sparse, sparse
 
 
 @frozen
@@ -20,12 +20,12 @@ class StepFmu:
     outputs: tuple[str, ...]
     sloped: tuple[int, ...]
     step: float
-    a: sparse.csr_array = field(eq=False, repr=False, converter=sparse.csr_array)
-    b: sparse.csr_array = field(eq=False, repr=False, converter=sparse.csr_array)
-    g: sparse.csr_array = field(eq=False, repr=False, converter=sparse.csr_array)
-    c: sparse.csr_array = field(eq=False, repr=False, converter=sparse.csr_array)
-    d: sparse.csr_array = field(eq=False, repr=False, converter=sparse.csr_array)
-    e: sparse.csr_array = field(eq=False, repr=False, converter=sparse.csr_array)
+    a: Sparse = field(eq=False, repr=False, converter=sparse.csr_array)
+    b: Sparse = field(eq=False, repr=False, converter=sparse.csr_array)
+    g: Sparse = field(eq=False, repr=False, converter=sparse.csr_array)
+    c: Sparse = field(eq=False, repr=False, converter=sparse.csr_array)
+    d: Sparse = field(eq=False, repr=False, converter=sparse.csr_array)
+    e: Sparse = field(eq=False, repr=False, converter=sparse.csr_array)
     origin: str = ""
     delay: float | None = None
     late: int = 0

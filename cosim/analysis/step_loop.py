@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 from attrs import field, frozen
-from scipy import sparse
 
+from cosim.analysis.sparse import Sparse, sparse
 from cosim.analysis.step_fmu import StepFmu
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import Schedule, SetInputs, Step
@@ -29,8 +29,8 @@ _ITERATIONS = 500
 class StepLoop:
     """z+ = M z over a period [s] of the schedule; `outputs` (2 n,) places of the store come first in z."""
 
-    matrix: sparse.csr_array = field(eq=False, repr=False)
-    phases: tuple[sparse.csr_array, ...] = field(eq=False, repr=False)
+    matrix: Sparse = field(eq=False, repr=False)
+    phases: tuple[Sparse, ...] = field(eq=False, repr=False)
     period: float
     outputs: int
 
@@ -49,7 +49,7 @@ class StepLoop:
         return float(found[0].real) if len(found) else -np.inf
 
 
-def _eigenvalues(matrix: sparse.csr_array, period: float) -> np.ndarray:
+def _eigenvalues(matrix: Sparse, period: float) -> np.ndarray:
     """Eigenvalues of the map: all of a small one; else those round 1, and the largest where iterating grows faster."""
     from scipy.sparse.linalg import ArpackNoConvergence, eigs
 
@@ -61,7 +61,7 @@ def _eigenvalues(matrix: sparse.csr_array, period: float) -> np.ndarray:
     slow, sought, inverse = np.zeros(0, complex), _SOUGHT // 2, matrix.tocsc().astype(complex)
     while not np.any(np.abs(slow - 1.0) > _NEUTRAL * period) and sought < size // 4:
         sought *= 2
-        slow = eigs(inverse, k=sought, sigma=near, v0=start, return_eigenvectors=False)
+        slow = np.asarray(eigs(inverse, k=sought, sigma=near, v0=start, return_eigenvectors=False))
     if _iterated(matrix, start) <= float(np.log(np.abs(slow).max())) + _FAST * period:
         return slow
     try:
@@ -71,7 +71,7 @@ def _eigenvalues(matrix: sparse.csr_array, period: float) -> np.ndarray:
     return np.concatenate([slow, fast])
 
 
-def _iterated(matrix: sparse.csr_array, start: np.ndarray) -> float:
+def _iterated(matrix: Sparse, start: np.ndarray) -> float:
     """By how much the logarithm of a state grows in a period after many: what no search round 1 would see."""
     state, sizes = start, []
     for _ in range(3):
@@ -91,8 +91,8 @@ def step_loop(wiring: Wiring, fmus: Mapping[str, StepFmu]) -> StepLoop:
     phases = []
     for phase in schedule.phases:
         rows = sparse.eye_array(builder.size, format="csr")
-        pending: dict[int, sparse.csr_array] = {}
-        inputs: dict[int, tuple[sparse.csr_array, sparse.csr_array]] = {}
+        pending: dict[int, Sparse] = {}
+        inputs: dict[int, tuple[Sparse, Sparse]] = {}
         for operation in phase.operations:
             if isinstance(operation, SetInputs):
                 inputs[operation.component] = builder.inputs(operation, rows)
@@ -116,7 +116,7 @@ class _LinearMaster:
     first: tuple[int, ...]
     late: tuple[int, ...]
     size: int
-    shown_by: list[sparse.csr_array]
+    shown_by: list[Sparse]
 
     @classmethod
     def of(cls, schedule: Schedule, fmus: list[StepFmu], wiring: Wiring) -> "_LinearMaster":
@@ -130,7 +130,7 @@ class _LinearMaster:
             places.append(sparse.csr_array((np.ones(len(rows)), (rows, range(len(rows)))), shape=shape))
         return cls(schedule, fmus, tuple(first), tuple(late), int(late[-1]), places)
 
-    def inputs(self, operation: SetInputs, rows: sparse.csr_array) -> tuple[sparse.csr_array, sparse.csr_array]:
+    def inputs(self, operation: SetInputs, rows: Sparse) -> tuple[Sparse, Sparse]:
         """Inputs (m, z) and slopes (k, z) as the master hands them over."""
         held, k = rows[operation.source], len(operation.line)
         if not k:
@@ -139,9 +139,7 @@ class _LinearMaster:
         spread = sparse.csr_array((operation.weight, (operation.line, range(k))), shape=(len(operation.source), k))
         return (held + spread @ rise).tocsr(), (sparse.diags_array(1.0 / operation.span) @ rise).tocsr()
 
-    def stepped(
-        self, i: int, rows: sparse.csr_array, inputs: Mapping[int, tuple[sparse.csr_array, sparse.csr_array]]
-    ) -> tuple[sparse.csr_array, sparse.csr_array]:
+    def stepped(self, i: int, rows: Sparse, inputs: Mapping[int, tuple[Sparse, Sparse]]) -> tuple[Sparse, Sparse]:
         """The state after a step of component i, and its outputs."""
         fmu, at = self.fmus[i], slice(self.first[i], self.first[i + 1])
         u, s = inputs.get(i, (sparse.csr_array((len(fmu.inputs), self.size)), None))
@@ -153,7 +151,7 @@ class _LinearMaster:
         rows = self._replaced(rows, self.first[i], after)
         return self._replaced(rows, self.late[i], outputs), outputs
 
-    def shown(self, i: int, rows: sparse.csr_array, pending: Mapping[int, sparse.csr_array]) -> sparse.csr_array:
+    def shown(self, i: int, rows: Sparse, pending: Mapping[int, Sparse]) -> Sparse:
         """The store after the outputs of component i were fetched."""
         n, at, count = self.schedule.outputs, self.schedule.offset[i], self.schedule.count[i]
         rows = self._replaced(rows, n + at, rows[at : at + count])
@@ -161,7 +159,7 @@ class _LinearMaster:
         return self._replaced(rows, at, fetched)
 
     @staticmethod
-    def _replaced(rows: sparse.csr_array, first: int, part: sparse.csr_array) -> sparse.csr_array:
+    def _replaced(rows: Sparse, first: int, part: Sparse) -> Sparse:
         if not part.shape[0]:
             return rows
         return sparse.vstack([rows[:first], part, rows[first + part.shape[0] :]], format="csr")

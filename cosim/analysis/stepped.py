@@ -1,7 +1,6 @@
 """The loop of a scenario in discrete time, each FMU by the best map that it allows, and what that map is worth."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -48,7 +47,7 @@ class Stepped:
 
         Looked for from below in strides of a half, then by Brent's method.
         """
-        from scipy.optimize import brentq
+        from scipy.optimize import root_scalar
 
         if self.loop is None or all(fmu.delay is None for fmu in self.fmus.values()):
             return None
@@ -59,18 +58,18 @@ class Stepped:
             low, high = high, 1.5 * high
             if high > LONGEST:
                 return np.inf
-        found: Any = brentq(
+        found = root_scalar(
             lambda d, end=high, last=rate: self.at(wiring, d).abscissa if d < end else last,
-            low,
-            high,
+            bracket=(low, high),
+            method="brentq",
             xtol=1e-5,
             rtol=1e-4,
         )
-        return float(found)
+        return float(found.root)
 
 
 def _redelayed(fmu: StepFmu, delay: float) -> StepFmu:
-    if fmu.delay is None:
+    if fmu.delay is None or fmu.shows is None:
         return fmu
     nothing = np.zeros((0, 0)), np.zeros((0, len(fmu.inputs))), np.zeros((len(fmu.outputs), 0))
     plain = LinearFmu((), fmu.inputs, fmu.outputs, *nothing, fmu.shows, fmu.origin)

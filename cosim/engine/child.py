@@ -48,11 +48,13 @@ class Child:
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError, AttributeError):
                 stream.flush()  # what is still in there would be written by both
-        self.doing, self.exitcode = doing, None
-        self.leaving = 0.0  # when it began to, by the monotonic clock
-        self.pipe, far = os.pipe()
+        self.doing: Callable[[], str] = doing
+        self.exitcode = None
+        self.leaving: float = 0.0  # when it began to, by the monotonic clock
+        near, far = os.pipe()
+        self.pipe: int = near
         parent = os.getpid()
-        self.pid = os.fork()
+        self.pid: int = os.fork()
         if self.pid == 0:
             _live(work, leave, far, parent)
         os.close(far)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from attrs import field, frozen
@@ -42,9 +42,13 @@ class Bank:
         places: np.ndarray | None = None,
         guard: ValueGuard | None = None,
     ) -> None:
-        self.call, self.what, self.array, self.buffer, self.guard = call, what, array, buffer, guard
-        self.places = slice(None) if places is None else places
-        self.shared = buffer is array
+        self.call: Callable[[], int] = call
+        self.what: str = what
+        self.array: np.ndarray = array
+        self.buffer: np.ndarray = buffer
+        self.guard: ValueGuard | None = guard
+        self.places: np.ndarray | slice = slice(None) if places is None else places
+        self.shared: bool = buffer is array
 
     def set(self, checker: StatusChecker) -> None:
         if not self.shared:
@@ -136,6 +140,6 @@ def caller(function: Callable[..., int], *arguments: object) -> Callable[[], int
     return lambda: function(*arguments)
 
 
-def pointer_to(array: np.ndarray, kind: type[ctypes._SimpleCData]) -> ctypes._Pointer:
+def pointer_to(array: np.ndarray, kind: Any) -> Any:
     """The array as a C pointer."""
     return array.ctypes.data_as(ctypes.POINTER(kind))

@@ -26,13 +26,15 @@ class Instance(ABC):
     """
 
     def __init__(self, name: str, description: FmuDescription) -> None:
-        self.name = name
-        self.description = description
-        self.time = 0.0
+        self.name: str = name
+        self.description: FmuDescription = description
+        self.time: float = 0.0
         self.input_names: tuple[str, ...] = ()
         self.output_names: tuple[str, ...] = ()
-        self.inputs = self.slopes = self.outputs = np.zeros(0)
-        self.settings = FmuSettings()
+        self.inputs: np.ndarray = np.zeros(0)
+        self.slopes: np.ndarray = np.zeros(0)
+        self.outputs: np.ndarray = np.zeros(0)
+        self.settings: FmuSettings = FmuSettings()
         self.conversions: Mapping[str, Conversion] = {}
 
     def configure(self, settings: FmuSettings, conversions: Mapping[str, Conversion]) -> None:

@@ -25,7 +25,7 @@ class Fmi2Instance(FmuInstance):
     def _load(self, logging: bool) -> Any:
         from fmpy import fmi2
 
-        self.callbacks = _callbacks(self)
+        self.callbacks: Any = _callbacks(self)
         with LOADING:
             fmu = tolerant(fmi2.FMU2Slave)(
                 guid=self.description.token,

@@ -45,8 +45,8 @@ class Fmi3Instance(FmuInstance):
                 unzipDirectory=str(extracted(Path(self.description.path))),
             )
             fmu.instantiate(loggingOn=logging, logMessage=lambda _, status, category, text: self._log(status, text))
-        self.flags = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
-        self.reached = ctypes.c_double()
+        self.flags: tuple[ctypes.c_bool, ...] = (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool())
+        self.reached: ctypes.c_double = ctypes.c_double()
         return fmu
 
     def _kind(self, type_name: str) -> str:

@@ -27,11 +27,11 @@ class FmuInstance(Instance):
     def __init__(self, name: str, description: FmuDescription, logging: FmuLogging = FmuLogging.WARNINGS) -> None:
         super().__init__(name, description)
         self.logging = logging
-        self.messages = MessageLog(name, everything=logging is FmuLogging.ALL)
+        self.messages: MessageLog = MessageLog(name, everything=logging is FmuLogging.ALL)
         self.clock: Callable[[], float] | None = None  # tells the time while a loop in C calls the FMU
         self.fmu: Any = None  # fmpy's object, which differs between the versions; None once freed
         self.fmu = self._loaded()
-        self.fresh = True
+        self.fresh: bool = True
         self.sloped: tuple[str, ...] | None = None
         self.setters: list[Bank] = []
         self.getters: list[Bank] = []

@@ -48,7 +48,8 @@ class MessageLog:
     """The messages of one instance since it was started; `recent` are the last few, for an error's words."""
 
     def __init__(self, component: str, everything: bool) -> None:
-        self.component, self.least = component, 0 if everything else 1
+        self.component: str = component
+        self.least: int = 0 if everything else 1
         self.recent: deque[str] = deque(maxlen=8)
         self.first: dict[str, tuple[str, str, float]] = {}
         self.counts: dict[str, int] = {}

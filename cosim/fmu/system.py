@@ -87,7 +87,7 @@ class FmuSet:
     def __enter__(self) -> FmuSet:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

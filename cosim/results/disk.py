@@ -45,7 +45,7 @@ class DiskFile(io.FileIO):
 
     def truncate(self, size: int | None = None, /) -> int:
         """As any file does."""
-        self.end = self.tell() if size is None else size
+        self.end: int = self.tell() if size is None else size
         return self._tried(lambda: super(DiskFile, self).truncate(size), size or 0)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:

@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario.changing import with_effects, with_override
@@ -26,7 +27,7 @@ _TOP = {
 }
 
 
-def structure(table: dict, path: Path, problems: list[Problem]) -> Scenario | None:
+def structure(table: dict[str, Any], path: Path, problems: list[Problem]) -> Scenario | None:
     """The scenario of a TOML table; problems are appended, None where nothing useful is left."""
     where = path.name
     unknown_keys(table, _TOP, where, problems)

@@ -17,7 +17,7 @@ from cosim.signals import Signal
 Record = TypeVar("Record", bound=AttrsInstance)
 
 
-def table_of(path: Path, allow_outside: bool = False) -> dict:
+def table_of(path: Path, allow_outside: bool = False) -> dict[str, Any]:
     """The table of a TOML file, or that of an SSP: an archive, a folder, or the .ssd file in one."""
     if path.suffix not in (".ssp", ".ssd") and not path.is_dir():
         return read_toml(path)
@@ -30,7 +30,7 @@ def table_of(path: Path, allow_outside: bool = False) -> dict:
         raise InputError(Problem(str(path), "numbers where the standard wants them", str(error))) from None
 
 
-def read_toml(path: Path) -> dict:
+def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file. Raises InputError with the place of an error."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -38,7 +38,7 @@ def read_toml(path: Path) -> dict:
         raise InputError(Problem(str(path), "TOML", str(error))) from None
 
 
-def unknown_keys(table: Mapping, known: Iterable[str], where: str, problems: list[Problem]) -> None:
+def unknown_keys(table: Mapping[str, object], known: Iterable[str], where: str, problems: list[Problem]) -> None:
     """Adds a problem for each key that nobody reads."""
     known = sorted(known)
     for key in table:

@@ -2,6 +2,7 @@
 
 import re
 from enum import Enum
+from typing import Any
 
 from attrs import asdict
 
@@ -28,7 +29,7 @@ def _entries(record: object) -> list[str]:
     return [f"{key} = {toml_value(value)}" for key, value in plain(record).items() if key != "parameters"]
 
 
-def plain(record: object) -> dict:
+def plain(record: Any) -> dict[str, Any]:
     """Fields of a frozen class as TOML values, empty optional ones left out."""
     table = asdict(record, value_serializer=lambda _, __, value: value.value if isinstance(value, Enum) else value)
     return {

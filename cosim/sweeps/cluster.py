@@ -34,7 +34,7 @@ class DaskPool(Workers):
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is wrong is told here, once
         self.address = address
         try:
-            self.client = Client(address, timeout=timeout, set_as_default=False)
+            self.client: Any = Client(address, timeout=timeout, set_as_default=False)
         except (OSError, ValueError) as error:
             raise InputError(Problem("--dask", "the address of a Dask scheduler", repr(address), str(error))) from None
         self._wait_for_workers(timeout)

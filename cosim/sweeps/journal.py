@@ -34,8 +34,8 @@ class Journal:
         self.findings: dict[str, PointResult] = {}
         self.damaged: list[str] = []  # lines that were set aside, in words
         path.parent.mkdir(parents=True, exist_ok=True)
-        self.file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        self.synced = time.monotonic()
+        self.file: int = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        self.synced: float = time.monotonic()
         self._lock()
         self._load(fingerprint)
 
@@ -128,7 +128,7 @@ class Journal:
     def __enter__(self) -> "Journal":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

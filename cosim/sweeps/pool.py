@@ -114,7 +114,7 @@ class Workers(ABC):
     def __enter__(self) -> "Workers":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -145,8 +145,8 @@ class LocalPool(Workers):
 
     def __init__(self, count: int) -> None:
         first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-        self.count = max(1, count)
-        self.workers = [_Worker(first) for _ in range(self.count)]
+        self.count: int = max(1, count)
+        self.workers: list[_Worker] = [_Worker(first) for _ in range(self.count)]
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         share = -(-len(points) // self.count)

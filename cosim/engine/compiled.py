@@ -163,6 +163,12 @@ def _as_fmus(instances: Sequence[Instance]) -> Sequence[FmuInstance]:
 class _Begin:
     """The start of the instances in C's layout, their start values apart."""
 
+    instances: Sequence[FmuInstance]
+    arena: Arena
+    store: np.ndarray
+    job: _NativeExecution
+    starts: ctypes.Array[_NativeStart]
+
     def __init__(self, wiring: Wiring, instances: Sequence[FmuInstance]) -> None:
         schedule = wiring.schedule
         self.instances, self.arena, strange = instances, Arena(), strangers(wiring)
@@ -268,6 +274,10 @@ def _native(instance: FmuInstance, offset: int, arena: Arena, strange: bool) -> 
 
 class _CompiledLoop:
     """A schedule with its instances in C's layout, and the arrays that must outlive the calls."""
+
+    arena: Arena
+    store: np.ndarray
+    native: _NativeExecution
 
     def __init__(self, job: Execution) -> None:
         self.arena, self.store = Arena(), job.store

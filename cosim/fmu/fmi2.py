@@ -21,6 +21,7 @@ class Fmi2Instance(FmuInstance):
     """An FMI 2.0 co-simulation instance."""
 
     prefix = "fmi2"
+    time: float
 
     def _load(self, logging: bool) -> Any:
         from fmpy import fmi2

@@ -33,6 +33,7 @@ class Fmi3Instance(FmuInstance):
     """An FMI 3.0 co-simulation instance; slopes go to the generated inputs der(u)."""
 
     prefix = "fmi3"
+    time: float
 
     def _load(self, logging: bool) -> Any:
         from fmpy import fmi3

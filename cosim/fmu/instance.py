@@ -23,6 +23,7 @@ class FmuInstance(Instance):
     """An instance of an FMU, FMI 2.0 or 3.0; errors carry its name, its time and the FMU's own words."""
 
     prefix = ""
+    time: float
 
     def __init__(self, name: str, description: FmuDescription, logging: FmuLogging = FmuLogging.WARNINGS) -> None:
         super().__init__(name, description)

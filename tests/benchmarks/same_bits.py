@@ -21,7 +21,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from tests.support.paths import DATA
+from tests.support.paths import DATA, SHARED
 
 SWEEPS = ("gain-ladder", "parameter-sets", "unit-readings")
 TIMES = {"wall_time"}  # keys of closure.json that tell of the moment, not of the result
@@ -85,14 +85,16 @@ def recordings(motion: Path) -> dict[str, list[str]]:
     """Arguments of close-loop for five recordings: three of other people's robots, one of them split, and a simulated
     one.
     """
-    cable, pendulum = DATA / "mis_tool_cable", DATA / "dfki_pendulum_1dof"
-    about = {name: str(folder / f"{folder.name}.toml") for name, folder in (("cable", cable), ("pendulum", pendulum))}
+    cable = DATA / "mis_tool_cable"
+    about = ["--description", str(cable / "mis_tool_cable.toml")]
     left = [str(cable / f"Tool_4_Maryland_L_2_{run}.csv") for run in ("20", "23", "41")]
+    emps = SHARED / "emps"
+    linear = [str(emps / f"emps_{run}.csv") for run in ("train", "test_pulses")]
     return {
+        "emps": [linear[0], "--test", linear[1], "--description", str(emps / "emps.toml")],
         "staubli-j6": [str(DATA / "staubli_tx40" / "staubli_tx40_j6.csv")],
-        "cable": [*left[:2], "--test", left[2], "--description", about["cable"]],
-        "cable-one-run": [left[0], "--description", about["cable"]],
-        "pendulum": [str(pendulum / "gravity_comp.csv"), "--description", about["pendulum"]],
+        "cable": [*left[:2], "--test", left[2], *about],
+        "cable-one-run": [left[0], *about],
         "simulated": [str(motion)],
     }
 

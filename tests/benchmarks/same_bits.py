@@ -3,10 +3,9 @@
     python -m tests.benchmarks.same_bits OLD/.venv/bin/cosim NEW/.venv/bin/cosim [--only TEXT]
 
 Every shipped scenario (SHA-256 of the time and of every signal of result.h5), `close-loop` on five recordings (SHA-256
-of all
-numbers of closure.json) and three sweeps (SHA-256 of the columns of sweep.h5). Both versions are called through their
-command
-line, one after the other, on the same inputs. Exit code 1 where anything differs. About 15 minutes on two cores.
+of all numbers of closure.json) and three sweeps (SHA-256 of the columns of sweep.h5). Both versions are called through
+their command line, one after the other, on the same inputs. Exit code 1 where anything differs. About 15 minutes on two
+cores.
 """
 
 import argparse

@@ -22,10 +22,15 @@ EXACT = 2**53
 _ELEMENT = re.compile(r"^(?P<stem>.*)\[(?P<index>\d+(,\d+)*)\]$")
 
 
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+"""Base units of FMI and SSP, in the order of every tuple of exponents."""
+
+
 @frozen
 class Unit:
-    """A unit string and, where the FMU defines it, its exponents over (kg, m, s, A, K, mol, cd, rad), its factor and
-    its offset: value in base units = factor value + offset.
+    """A unit string and, where the FMU defines it, its exponents over BASE_UNITS, its factor and its offset.
+
+    A value in base units is factor value + offset.
     """
 
     name: str
@@ -41,7 +46,7 @@ class Unit:
 
     def towards(self, other: "Unit") -> tuple[float, float] | None:
         """Gain and shift that turn a value of this unit into one of the other; None where the dimensions differ."""
-        same = _plain(self.name) == _plain(other.name) and not self._differs(other)
+        same = plain_unit(self.name) == plain_unit(other.name) and not self._differs(other)
         if not self.name or not other.name or same:
             return 1.0, 0.0
         if self.exponents is None or other.exponents is None or self.exponents != other.exponents:
@@ -59,7 +64,7 @@ class Unit:
     def of_motion(self) -> bool:
         """Whether positions, rates, accelerations, forces and torques are measured in it, in SI."""
         if self.exponents is None:
-            return _plain(self.name) in ("m", "m/s", "m/s2", "rad", "rad/s", "rad/s2", "N", "N.m")
+            return plain_unit(self.name) in ("m", "m/s", "m/s2", "rad", "rad/s", "rad/s2", "N", "N.m")
         mechanical, rest, rad = self.exponents[:3], self.exponents[3:-1], self.exponents[-1]
         motion = mechanical in _MOTIONS or (rad and mechanical == (0, 0, 0))
         return bool(motion and not any(rest) and (self.factor, self.offset) == (1.0, 0.0))
@@ -69,7 +74,8 @@ _MOTIONS = ((0, 1, 0), (0, 1, -1), (0, 1, -2), (0, 0, -1), (0, 0, -2), (1, 1, -2
 """Exponents (kg, m, s) of position, velocity, acceleration, angular rates, force and torque."""
 
 
-def _plain(unit: str) -> str:
+def plain_unit(unit: str) -> str:
+    """One spelling of a unit string: without blanks and carets, products with a dot."""
     return unit.replace(" ", "").replace("*", ".").replace("·", ".").replace("^", "")
 
 

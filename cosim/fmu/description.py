@@ -14,7 +14,7 @@ from attrs import evolve, frozen
 from cosim.errors import InputError, Problem
 from cosim.fmu.places import Progress, digest, fmu_file, recording_warnings, stamp
 from cosim.scenario import Scenario
-from cosim.signals import WHOLE, FmuDescription, Unit, Variable
+from cosim.signals import BASE_UNITS, WHOLE, FmuDescription, Unit, Variable
 
 
 def describe(path: Path, parameters: Mapping[str, object] | None = None) -> FmuDescription:
@@ -165,7 +165,7 @@ def _unit(unit: Any) -> Unit:
     base = unit.baseUnit
     if base is None:
         return Unit(unit.name)
-    exponents = tuple(getattr(base, name) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad"))
+    exponents = tuple(getattr(base, name) for name in BASE_UNITS)
     return Unit(unit.name, exponents, base.factor, base.offset)
 
 

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping
 from attrs import frozen
 
 from cosim.scenario.ssp_document import Element, Findings, children, first, real, required, whole
-
-BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+from cosim.signals import BASE_UNITS, plain_unit
 
 
 @frozen
@@ -69,11 +68,7 @@ def same_unit(one: str, other: str, of_one: UnitScale | None, of_other: UnitScal
     `rad` with and without an exponent of its own.
     """
     if of_one is None or of_other is None:
-        return _plain(one) == _plain(other)
+        return plain_unit(one) == plain_unit(other)
     if one == other:
         return (of_one.factor, of_one.offset) == (of_other.factor, of_other.offset)
     return of_one == of_other
-
-
-def _plain(unit: str) -> str:
-    return unit.replace(" ", "").replace("*", ".").replace("·", ".").replace("^", "")

@@ -22,40 +22,15 @@ from cosim.effects import BUILT_IN, library
 from cosim.effects.position import dahl
 from cosim.errors import InputError
 from cosim.measured import Label, PhantomDevice, Recording, RecordingDescription, Run, parse_description
+from tests.support.contract import EFFECTS
 from tests.support.rig.cases import hidden
 from tests.support.rig.experiment import record
 from tests.support.rig.study import experiment
 from tests.support.rig.trial import recording
 
-CONTRACT = [
-    "stribeck",
-    "coulomb_asymmetry",
-    "viscous_asymmetry",
-    "torque_offset",
-    "load_friction",
-    "position_friction",
-    "position_torque",
-    "torque_ripple",
-    "hysteresis",
-    "quadratic_drag",
-    "actuator_lag",
-    "time_delay",
-    "torque_gain",
-    "torque_saturation",
-    "torque_deadband",
-    "joint_elasticity",
-    "backlash",
-    "payload",
-    "base_tilt",
-    "encoder_offset",
-    "friction_drift",
-    "external_contact",
-    "joint_coupling",
-]
-
 
 def test_library_has_the_names_of_the_contract():
-    assert {effect.name for effect in BUILT_IN} == set(CONTRACT)
+    assert {effect.name for effect in BUILT_IN} == set(EFFECTS)
     assert all(effect.equation and effect.source and effect.title for effect in BUILT_IN)
 
 

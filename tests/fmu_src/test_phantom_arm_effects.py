@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import tests.support.arm_oracle as oracle
+from tests.support.contract import EFFECTS
 from tests.support.model_harness import SOURCES, CompiledModel
 
 A, B, C = np.array([0.011, -0.007, 0.013]), np.array([0.004, 0.009, -0.006]), np.array([0.3, 0.2, 0.4])
@@ -430,38 +431,13 @@ def effect_parameters() -> list[str]:
 
 
 def test_every_effect_of_the_contract_is_there_and_zero():
-    names = [
-        "stribeck",
-        "coulomb_asymmetry",
-        "viscous_asymmetry",
-        "torque_offset",
-        "load_friction",
-        "position_friction",
-        "position_torque",
-        "torque_ripple",
-        "hysteresis",
-        "quadratic_drag",
-        "actuator_lag",
-        "time_delay",
-        "torque_gain",
-        "torque_saturation",
-        "torque_deadband",
-        "joint_elasticity",
-        "backlash",
-        "payload",
-        "base_tilt",
-        "encoder_offset",
-        "friction_drift",
-        "external_contact",
-        "joint_coupling",
-    ]
     tables = [
         tomllib.loads((SOURCES / name).read_text())["variable"]
         for name in ("PhantomArm/model.toml", "shared/joint.toml")
     ]
     groups = {v["group"].removeprefix("effect:") for t in tables for v in t if v.get("group", "").startswith("effect:")}
-    assert groups == set(names)
-    assert len(effect_parameters()) >= len(names)
+    assert groups == set(EFFECTS)
+    assert len(effect_parameters()) >= len(EFFECTS)
 
 
 @pytest.mark.parametrize(

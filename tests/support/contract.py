@@ -1,0 +1,27 @@
+"""Names that other programs rely on, written out again so that a change of one of them fails a test."""
+
+EFFECTS = [
+    "stribeck",
+    "coulomb_asymmetry",
+    "viscous_asymmetry",
+    "torque_offset",
+    "load_friction",
+    "position_friction",
+    "position_torque",
+    "torque_ripple",
+    "hysteresis",
+    "quadratic_drag",
+    "actuator_lag",
+    "time_delay",
+    "torque_gain",
+    "torque_saturation",
+    "torque_deadband",
+    "joint_elasticity",
+    "backlash",
+    "payload",
+    "base_tilt",
+    "encoder_offset",
+    "friction_drift",
+    "external_contact",
+    "joint_coupling",
+]

@@ -53,9 +53,9 @@ def document(root: str) -> str:
 
 
 def _units(table: ModelTable, fmi: int) -> list[str]:
-    units = {v.unit for v in table.variable if v.unit}
+    units = {v.declared_unit for v in table.variable if v.declared_unit}
     if fmi == 3:
-        units |= {per_second(s.variable.unit) for s in table.slopes} | {"s"}
+        units |= {per_second(unit) for s in table.slopes if (unit := s.variable.declared_unit)} | {"s"}
     return [_unit(unit) for unit in sorted(units)]
 
 
@@ -70,11 +70,27 @@ def _enumeration_type(table: ModelTable, v: ModelVariable) -> str:
 
 
 def _quantity_units(table: ModelTable) -> list[str]:
-    return sorted({v.unit for v in table.variable if v.type == "Real"})
+    return sorted({v.unit for v in table.variable if v.type == "Real" and v.declared_unit})
 
 
 def _enumerations(table: ModelTable) -> list[ModelVariable]:
     return [v for v in table.variable if v.type == "Enumeration"]
+
+
+def _carried(table: ModelTable) -> list[str]:
+    """Which input an output shows in its unit: for importers that check units; neither standard has words for it."""
+    pairs = [element("Carries", {"output": output, "input": source}) for output, source in table.carried]
+    return [element("Carried", {}, pairs)] if pairs else []
+
+
+def _annotations2(table: ModelTable) -> list[str]:
+    carried = _carried(table)
+    return [element("VendorAnnotations", {}, [element("Tool", {"name": GENERATOR}, carried)])] if carried else []
+
+
+def _annotations3(table: ModelTable) -> list[str]:
+    carried = _carried(table)
+    return [element("Annotations", {}, [element("Annotation", {"type": GENERATOR}, carried)])] if carried else []
 
 
 _TOLERANCE = 1e-6
@@ -188,6 +204,7 @@ def _document2(table: ModelTable, token: str) -> str:
         element("TypeDefinitions", {}, _types2(table)),
         _log_categories(),
         _experiment(table),
+        *_annotations2(table),
         element("ModelVariables", {}, [_variable2(table, s) for s in table.scalars]),
         element("ModelStructure", {}, _structure2(table)),
     ]
@@ -273,7 +290,7 @@ def _variable2(table: ModelTable, s: Scalar) -> str:
     state = table.differentiated.get(s.reference)
     body = {
         "declaredType": _declared(table, v),
-        "unit": v.unit or None,
+        "unit": v.declared_unit or None,
         "min": _bound(v, v.min),
         "max": _bound(v, v.max),
         "nominal": _nominal(s),
@@ -284,7 +301,9 @@ def _variable2(table: ModelTable, s: Scalar) -> str:
 
 
 def _declared(table: ModelTable, v: ModelVariable) -> str | None:
-    return {"Real": quantity(v.unit), "Enumeration": _enumeration_type(table, v)}.get(v.type)
+    if v.type == "Real":
+        return quantity(v.declared_unit) if v.declared_unit else None
+    return _enumeration_type(table, v) if v.type == "Enumeration" else None
 
 
 def _structure2(table: ModelTable) -> list[str]:
@@ -322,6 +341,7 @@ def _document3(table: ModelTable, token: str) -> str:
             ],
         ),
         element("ModelStructure", {}, _structure3(table)),
+        *_annotations3(table),
     ]
     head = {
         "fmiVersion": "3.0",
@@ -408,7 +428,7 @@ def _variable3(table: ModelTable, s: Scalar) -> str:
             "variability": _variability(v),
             "initial": _initial(v),
             "declaredType": _declared(table, v),
-            "unit": v.unit or None,
+            "unit": v.declared_unit or None,
             "min": _bound(v, v.min),
             "max": _bound(v, v.max),
             "nominal": _nominal(s),
@@ -443,7 +463,7 @@ def _slope3(s: Scalar, reference: int) -> str:
             "variability": "continuous",
             "description": f"slope of {s.name} within a communication step (0: held)",
             "start": "0.0",
-            "unit": per_second(s.variable.unit),
+            "unit": per_second(s.variable.unit) if s.variable.declared_unit else None,
         },
     )
 

@@ -21,11 +21,16 @@ StartValue = float | str | Sequence[float]
 SETTABLE = ("input", "parameter", "tunable")
 FMI_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?", re.ASCII)
 RESERVED = ("origin", "step", "text", "time")
+ANY_UNIT = "any"
+"""The unit of a row whose signals are in whatever unit comes: none is declared."""
 
 
 @frozen
 class ModelVariable:
-    """One row of the table: a scalar or an array of `size` scalars that FMI names `name[1]` ... `name[size]`."""
+    """One row of the table: a scalar or an array of `size` scalars that FMI names `name[1]` ... `name[size]`.
+
+    carries: the input of unit "any" that an output shows, sooner or later, element by element and in its unit.
+    """
 
     name: str
     causality: Causality
@@ -44,10 +49,15 @@ class ModelVariable:
     derivative: str = ""
     initial: str = ""
     names: list[str] = field(factory=list)
+    carries: str = ""
 
     @property
     def width(self) -> int:
         return self.size or 1
+
+    @property
+    def declared_unit(self) -> str:
+        return "" if self.unit == ANY_UNIT else self.unit
 
     @property
     def fmi_names(self) -> list[str]:
@@ -176,6 +186,12 @@ class ModelTable:
         """Inputs that have a slope during a step: the real ones."""
         return [s for s in self.of("input") if s.variable.type == "Real"]
 
+    @property
+    def carried(self) -> list[tuple[str, str]]:
+        """Names of outputs with the inputs that they carry."""
+        pairs = ((v, self.row(v.carries)) for v in self.variable if v.carries)
+        return [names for v, source in pairs for names in zip(v.fmi_names, source.fmi_names)]
+
     @cached_property
     def states(self) -> list[tuple[Scalar, int]]:
         """Each state with the value reference of its derivative."""
@@ -262,7 +278,7 @@ def check(table: ModelTable) -> Iterable[str]:
 def _check_row(v: ModelVariable, table: ModelTable) -> Iterable[str]:
     if v.type == "Real" and not v.unit:
         yield 'a Real needs a unit ("1" where it has none)'
-    if v.unit:
+    if v.declared_unit:
         try:
             exponents(v.unit)
         except BuildError as error:
@@ -296,8 +312,21 @@ def _check_links(v: ModelVariable, table: ModelTable) -> Iterable[str]:
         yield "a state names its derivative, and only a state does"
     if v.derivative and (v.derivative not in known or known[v.derivative].width != v.width):
         yield f"derivative {v.derivative!r} is not a variable of the same size"
+    yield from _check_carried(v, table)
     if v.initial and (v.initial not in known or known[v.initial].causality not in ("parameter", "tunable")):
         yield f"initial {v.initial!r} is not a parameter"
+
+
+def _check_carried(v: ModelVariable, table: ModelTable) -> Iterable[str]:
+    carried = {row.carries for row in table.variable}
+    shown = v.carries if v.causality == "output" else v.causality == "input" and v.name in carried
+    if v.unit == ANY_UNIT and not shown:
+        yield f'unit = "{ANY_UNIT}" is for an input and the output that carries it'
+    if v.carries:
+        source = next((row for row in table.variable if row.name == v.carries), None)
+        fits = source and source.causality == "input" and source.unit == v.unit == ANY_UNIT and source.size == v.size
+        if not fits or v.causality != "output":
+            yield f'carries = {v.carries!r}: expected an output of an input of the same size, both of unit "{ANY_UNIT}"'
 
 
 def override(table: ModelTable, values: Mapping[str, StartValue]) -> ModelTable:

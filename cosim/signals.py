@@ -19,6 +19,7 @@ WHOLE = {
 """Least and greatest value of every type of whole numbers (an enumeration of FMI 2.0 has 32 bits, see `limits`)."""
 EXACT = 2**53
 """Whole numbers up to this size are doubles exactly."""
+_PART = re.compile(r"^(?P<stem>.*)\[(?P<first>\d{1,6})\.\.(?P<last>\d{1,6})\]$")
 _ELEMENT = re.compile(r"^(?P<stem>.*)\[(?P<index>\d+(,\d+)*)\]$")
 
 
@@ -143,7 +144,8 @@ class FmuDescription:
 
     `tolerance`, `step`: of its default experiment; `platforms`: those that it has a binary for, in its own words;
     `needs_tool`: whether it only runs where the tool that made it is installed; `sizes`: structural parameters that
-    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use.
+    differ from their start values, by which its arrays are spread; `warnings`: what the user should know of its use;
+    `carried`: outputs with the inputs that they show, sooner or later, in whatever unit those have.
     """
 
     model: str
@@ -166,15 +168,19 @@ class FmuDescription:
     sizes: tuple[tuple[str, int], ...] = ()
     warnings: tuple[str, ...] = ()
     differentiates: bool = False
+    carried: Mapping[str, str] = field(factory=dict)
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""
         return [v.name for v in self.variables.values() if v.causality == causality]
 
     def elements(self, name: str) -> list[str]:
-        """The scalar names behind a name: itself, or `x` -> `x[1], x[2], x[3]`; empty where there is none."""
+        """The scalar names behind a name: itself, `x` -> `x[1], x[2], x[3]`, `x[2..3]` -> `x[2], x[3]`; empty: none."""
         if name in self.variables:
             return [name]
+        if part := _PART.match(name):
+            names = [f"{part['stem']}[{i}]" for i in range(int(part["first"]), int(part["last"]) + 1)]
+            return names if all(n in self.variables for n in names) else []
         return list(self._vectors.get(name, ()))
 
     def start(self, name: str, given: Mapping[str, float | str]) -> float:

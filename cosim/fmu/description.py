@@ -69,6 +69,7 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
     interface, experiment = model.coSimulation, model.defaultExperiment
     sizes = structural_sizes(model, dict(given))
     units = {u.name: _unit(u) for u in model.unitDefinitions}
+    root = _root(path)
     return FmuDescription(
         model.modelName,
         _variables(model, units, sizes),
@@ -88,7 +89,8 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
         interface.needsExecutionTool,
         model.generationTool or "",
         given,
-        differentiates=_differentiates(path),
+        differentiates=_differentiates(root),
+        carried={pair.get("output", ""): pair.get("input", "") for pair in root.iter("Carries")},
     )
 
 
@@ -136,10 +138,15 @@ def _optional(text: str | None) -> float | None:
     return float(text) if text else None
 
 
-def _differentiates(path: str) -> bool:
-    """Whether it gives directional derivatives in co-simulation; read here, since fmpy leaves it out for FMI 3.0."""
+def _root(path: str) -> ElementTree.Element:
+    """The description itself, for what fmpy leaves out: annotations, derivatives in FMI 3.0."""
     with ZipFile(path) as archive, archive.open("modelDescription.xml") as text:
-        interface = ElementTree.parse(text).getroot().find("CoSimulation")
+        return ElementTree.parse(text).getroot()
+
+
+def _differentiates(root: ElementTree.Element) -> bool:
+    """Whether it gives directional derivatives in co-simulation."""
+    interface = root.find("CoSimulation")
     names = ("providesDirectionalDerivative", "providesDirectionalDerivatives")
     return interface is not None and any(interface.get(name) in ("true", "1") for name in names)
 

@@ -92,9 +92,11 @@ class FmuSet:
 
 
 def _another(instance: FmuInstance, description: FmuDescription) -> bool:
-    """Whether an instance is of another file, or of one whose arrays have other sizes."""
+    """Whether an instance is of another file, or of one whose arrays or packets have other sizes."""
     known = instance.description
-    return known is not description and (known.sha256, known.sizes) != (description.sha256, description.sizes)
+    return known is not description and (
+        (known.sha256, known.sizes, *known.variables) != (description.sha256, description.sizes, *description.variables)
+    )
 
 
 def _not_here(name: str, description: FmuDescription) -> list[Problem]:

@@ -17,6 +17,7 @@ _LINE, _INK, _SOFT, _FILL = "#5b6470", "#1d2126", "#5a626d", "#f6f7f9"
 _ACCENT = {
     "PhantomArm": "#0072B2",
     "VariableDelayChannel": "#E69F00",
+    "PacketChannel": "#E69F00",
     "PLikeController": "#009E73",
     "Operator": "#CC79A7",
     "Environment": "#D55E00",

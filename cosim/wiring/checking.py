@@ -11,6 +11,7 @@ from cosim.wiring.ages import timed
 from cosim.wiring.feeding import recorded_beside, silences, starved, tool_warnings, unwired
 from cosim.wiring.links import driven_twice, links_of, scaled_links, timing_problems, too_many_instances
 from cosim.wiring.loops import assumed_loops, loop_problems, stepping_order
+from cosim.wiring.packets import put_in, with_packets
 from cosim.wiring.starts import starts_of
 from cosim.wiring.wiring import Wiring
 
@@ -44,8 +45,10 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
 
 
 def _resized(wiring: Wiring, scenario: Scenario) -> bool:
-    """Whether a value changes that settles the size of an array."""
+    """Whether a value changes that settles the size of an array or of a packet."""
     old = wiring.scenario.components
+    if any(put_in(scenario, n, d) != put_in(wiring.scenario, n, d) for n, d in wiring.descriptions.items()):
+        return True
     return any(
         component.parameters.get(name) != old[key].parameters.get(name)
         for key, component in scenario.components.items()
@@ -71,6 +74,7 @@ def _same_structure(one: Scenario, other: Scenario) -> bool:
 def check(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> tuple[Wiring | None, list[Problem]]:
     """As `wire`, but returns the problems; the wiring is None where there are any."""
     problems: list[Problem] = []
+    descriptions = with_packets(scenario, descriptions)
     starts = {name: starts_of(scenario, name, descriptions[name], problems) for name in scenario.components}
     links = links_of(scenario, descriptions, problems)
     problems += driven_twice(links) + loop_problems(links, descriptions) + timing_problems(scenario)

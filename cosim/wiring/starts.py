@@ -42,19 +42,19 @@ def starts_of(
     if "seed" in description.variables and "seed" not in values:
         values["seed"] = scenario.experiment.seed + list(scenario.components).index(name)
     law = description.variables.get("law")
-    if description.model == "VariableDelayChannel" and law is not None and law.items:
+    if description.model in ("VariableDelayChannel", "PacketChannel") and law is not None and law.items:
         problems += _outgrown(scenario, name, description, values)
     return values
 
 
 @cache
-def _buffer() -> int:
-    """Steps of delay that the channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
+def _buffer(model: str) -> int:
+    """Steps of delay that a channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
     Memory): one record each, beside those of the first input and of the present.
     """
     from build_fmus.sources import model_table
 
-    return model_table("VariableDelayChannel").shape("ring")[0] - 2
+    return model_table(model).shape("ring")[0] - 2
 
 
 def _outgrown(
@@ -65,7 +65,7 @@ def _outgrown(
     key = "delay_mean" if law == "constant" else "delay_max"
     delay = description.start(key, values)
     experiment = scenario.experiment
-    step, most = scenario.components[name].step_multiple * experiment.step, _buffer()
+    step, most = scenario.components[name].step_multiple * experiment.step, _buffer(description.model)
     if law == "recorded" or min(delay, experiment.stop) <= most * step * (1 + 1e-9):
         return []
     fits = f"at most {most * step:g} s, {most} steps of {step:g} s that the channel's buffer holds"

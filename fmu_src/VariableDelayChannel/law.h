@@ -7,22 +7,17 @@
 
 #define CHANNEL_BEFORE -1e300 /* s: stamp of the first input, which stands for all time before: u(t < 0) = u(0) */
 
-/* What is shown at first: u(0). */
-static inline void channel_start(const VariableDelayChannelModel *m, real y[3], real w[3]) {
-    for (int i = 0; i < 3; i++) y[i] = m->u[i], w[i] = m->v[i];
-}
-
 /* The stamp of what is shown at t: with time_delay t - d(t), else t, for the stamps are then those of arrival. */
-static inline real channel_target(const VariableDelayChannelModel *m, double t, real delay) {
-    return choose(m->semantics == real_of(SEMANTICS_TIME_DELAY), t - delay, real_of(t));
+static inline real channel_target(real semantics, double t, real delay) {
+    return choose(semantics == real_of(SEMANTICS_TIME_DELAY), t - delay, real_of(t));
 }
 
 /* How far the target is on the line from the sample at or before it (`late` s before) to the next (`gap` s later); 0: the
  * sample itself, where samples are held, packets shown, or the target no later than the sample. */
-static inline real channel_part(const VariableDelayChannelModel *m, real late, real gap) {
+static inline real channel_part(real semantics, real interpolation, real late, real gap) {
     const real linear = real_of(INTERPOLATION_LINEAR), last_with_lines = real_of(SEMANTICS_TRANSPORT_DELAY);
     const mask lines =
-        (m->interpolation == linear) & (m->semantics <= last_with_lines) & (late > RING_SAME) & (gap > RING_SAME);
+        (interpolation == linear) & (semantics <= last_with_lines) & (late > RING_SAME) & (gap > RING_SAME);
     return choose(lines, late / gap, real_of(0.0));
 }
 

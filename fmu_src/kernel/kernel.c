@@ -213,13 +213,15 @@ static void step_channel(Part *a, const Component *component, int64_t done, doub
     double delays[LANES], stamps[LANES], after[LANES];
     enter(a, c, t);
     for (int lane = 0; lane < LANES; lane++) delays[lane] = c->series[lane][(done + 1) * c->series_step[lane]];
-    const real target = channel_target(&a->model.channel, t, load(delays));
+    const VariableDelayChannelModel *m = &a->model.channel;
+    const real target = channel_target(m->semantics, t, load(delays));
     for (int lane = 0; lane < LANES; lane++) {
         const int64_t k = find(c, newest, LANE(target, lane), delays[lane], rate), beyond = k + (k < newest);
         stamps[lane] = stamp(c, k), after[lane] = stamp(c, beyond);
         one[lane] = past(c, k, lane), next[lane] = past(c, beyond, lane);
     }
-    const real from = load(stamps), part = channel_part(&a->model.channel, target - from, load(after) - from);
+    const real from = load(stamps),
+               part = channel_part(m->semantics, m->interpolation, target - from, load(after) - from);
     for (int64_t i = 0; i < c->n_inputs; i++)
         out[shown(c->inputs[i])] = channel_between(gathered(one, i), gathered(next, i), part);
 }
@@ -228,7 +230,7 @@ static void start_channel(Part *a, const Component *c, real *out) {
     a->head = 0;
     enter(a, c, CHANNEL_BEFORE);
     enter(a, c, 0.0);
-    channel_start(&a->model.channel, out, out + 3);
+    for (int i = 0; i < 3; i++) out[i] = a->model.channel.u[i], out[3 + i] = a->model.channel.v[i];
 }
 
 /* --- components --------------------------------------------------------------------------------------------------- */

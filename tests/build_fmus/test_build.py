@@ -7,6 +7,7 @@ import sys
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from build_fmus.cli import app, platforms_apart
 from build_fmus.description import describe
 from build_fmus.header import batch_header, functions, header
 from build_fmus.sources import model_table
-from build_fmus.table import ModelVariable, load_table, override
+from build_fmus.table import ModelVariable, check, load_table, override
 from build_fmus.units import exponents, per_second
 from build_fmus.validation import problems_of
 from tests.support.probe import Importer, probe, probe_table
@@ -447,6 +448,31 @@ def test_states_and_derivatives_are_declared():
     assert '<Unknown index="8" dependencies="1 2 6 7"/>' in two  # dx[1]
     assert '<ContinuousStateDerivative valueReference="7" dependencies="0 1 5 6"/>' in three
     assert '<InitialUnknown valueReference="5" dependencies="9"/>' in three  # x[1]: x_start[1]
+
+
+def test_a_unit_that_comes_with_the_signal_is_not_declared_but_its_way_is():
+    for fmi in (2, 3):
+        root = ElementTree.fromstring(describe(model_table("PacketChannel"), fmi, "t"))
+        assert [(e.get("output"), e.get("input")) for e in root.iter("Carries")] == [
+            (f"y[{k}]", f"u[{k}]") for k in range(1, 13)
+        ]
+        named = {e.get("name"): e for e in root.iter() if e.get("name") in ("u[1]", "y[1]", "der(u[1])")}
+        assert len(named) == fmi
+        assert not [e for v in named.values() for e in v.iter() if e.get("unit") or e.get("declaredType")]
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (ModelVariable("a", "input", "x", unit="any"), 'unit = "any" is for an input and the output that carries it'),
+        (ModelVariable("a", "output", "x", unit="any"), 'unit = "any" is for'),
+        (ModelVariable("a", "output", "x", unit="any", carries="y"), "expected an output of an input"),
+        (ModelVariable("a", "output", "x", unit="N", carries="u"), "expected an output of an input"),
+    ],
+)
+def test_a_unit_that_comes_with_the_signal_needs_a_way(row, words):
+    table = probe_table()
+    assert any(words in problem for problem in check(evolve(table, variable=[*table.variable, row])))
 
 
 def test_an_output_without_feedthrough_depends_on_nothing():

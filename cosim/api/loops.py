@@ -63,9 +63,10 @@ class StabilityResult:
 
     def plot(self) -> MplFigure:
         """The figure of the report: Nyquist curve, spectrum, and the growth rate against the delay."""
+        from cosim.report.canvas import drawn
         from cosim.report.stability import loop_figure
 
-        return loop_figure(self.comparison, self.loop)
+        return drawn(loop_figure(self.comparison, self.loop))
 
     def save(self, folder: str | Path, *, report: bool = True) -> Path:
         """Write report.html and stability.json; returns the folder."""

@@ -160,9 +160,10 @@ class IdentificationResult:
 
     def plot(self) -> MplFigure:
         """The figure of the report: measured and predicted torque of every joint over time."""
+        from cosim.report.canvas import drawn
         from cosim.report.identify import torque_figure
 
-        return torque_figure(self.found)
+        return drawn(torque_figure(self.found))
 
     def save(self, folder: str | Path) -> Path:
         """Write report.html and identification.json; returns the folder."""
@@ -252,9 +253,10 @@ class ClosureResult:
 
     def plot(self) -> MplFigure:
         """The figure of the report: held-out torque error of every joint before and after."""
+        from cosim.report.canvas import drawn
         from cosim.report.closure import error_figure
 
-        return error_figure(self.closure)
+        return drawn(error_figure(self.closure), 150.0)
 
     def save(self, folder: str | Path) -> ClosureResult:
         """Write closure.json, effects.toml, the FMUs with the effect and report.html.

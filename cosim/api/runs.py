@@ -203,9 +203,10 @@ class RunResult:
 
     def plot(self) -> MplFigure:
         """The figure of the report: tips of both arms and their distance, or else the recorded signals, over time."""
-        from cosim.report.run import plain_figure
+        from cosim.report.canvas import drawn
+        from cosim.report.run import overview
 
-        return plain_figure(self.raw)
+        return drawn(overview(self.raw))
 
     def save(self, folder: str | Path, *, export: Iterable[str] = (), report: bool = True) -> Path:
         """Write result.h5, report.html and summary.json, the last when all else is there; returns the folder.

@@ -156,9 +156,10 @@ class SweepTable:
 
     def plot(self) -> MplFigure:
         """The figure of the report: the map with its boundary, or the crossings along the last axis."""
-        from cosim.report.sweep import plain_figure
+        from cosim.report.canvas import drawn
+        from cosim.report.sweep import overview
 
-        return plain_figure(self.campaign)
+        return drawn(overview(self.campaign))
 
     def save(self, folder: str | Path, *, report: bool = True) -> Path:
         """Write sweep.h5, report.html and summary.json, the last when all else is there; returns the folder."""

@@ -5,10 +5,8 @@
 import numpy as np
 
 from cosim.engine.master import Result
-from cosim.report.canvas import BLACK, BLUE, COLOURS, GREY, ORANGE, figure, to_svg
-from cosim.report.html import Figure, Section, Table
-
-POINTS = 2000
+from cosim.report.html import Section, Table
+from cosim.report.plots import COLOURS, Colour, Figure, Guide, Plot, PlotAxis, curves
 
 
 def application_sections(result: Result) -> list[Section]:
@@ -32,19 +30,17 @@ def _tracking(result: Result) -> Section | None:
         return None
     reference = next(iter(loops.values()))[0]
     joint = int(np.ptp(reference, axis=0).argmax())
-    thin = slice(None, None, max(len(result.time) // POINTS, 1))
-    fig, axes = figure(1, 1, 8.0, 3.2)
-    ax = axes[0, 0]
-    ax.plot(result.time[thin], reference[thin, joint], color=BLACK, lw=1.0, label="reference")
-    for name, colour in zip(loops, (BLUE, ORANGE, *COLOURS[2:]), strict=False):
-        ax.plot(result.time[thin], loops[name][1][thin, joint], color=colour, label=f"{name} ({_set(result, name)})")
-    ax.set(xlabel="time [s]", ylabel=f"joint {joint + 1} [rad]")
-    ax.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+    named = {"reference": reference[:, joint]}
+    named |= {f"{name} ({_set(result, name)})": q[:, joint] for name, (_, q) in loops.items()}
+    series = curves(result.time, named, (Colour.INK, *COLOURS))
+    plot = Plot(series, PlotAxis("time [s]"), PlotAxis(f"joint {joint + 1} [rad]"), link="time", height=220)
     rows = [[name, _set(result, name), *(_rms(q - ref) * 1e3).tolist()] for name, (ref, q) in loops.items()]
     table = Table(
         ["controller", "its parameters", "q1 [mrad]", "q2 [mrad]", "q3 [mrad]"], rows, "RMS error of each joint."
     )
-    return Section("Inverse dynamics control", "", [table], [Figure(to_svg(fig), "As Taati's Figs. 14 to 16.")])
+    return Section(
+        "Inverse dynamics control", "", [table], [Figure([plot], "As Taati's Figs. 14 to 16.", name="joint")]
+    )
 
 
 def _set(result: Result, component: str) -> str:
@@ -57,29 +53,28 @@ def _forces(result: Result) -> Section | None:
     if not names or truth is None:
         return None
     force = result.vector(truth)
-    shown = [(names[0], "f", BLUE, "with the model"), (names[0], "f_static", ORANGE, "Jacobian alone")]
-    thin = slice(None, None, max(len(result.time) // POINTS, 1))
-    fig, axes = figure(2, 1, 8.0, 4.6)
-    axes[0, 0].plot(result.time[thin], force[thin, 1], color=BLACK, lw=1.0, label="hand")
-    for name, output, colour, label in shown:
-        estimate = result.vector(f"{name}.{output}")
-        axes[0, 0].plot(result.time[thin], estimate[thin, 1], color=colour, label=label)
-        axes[1, 0].plot(result.time[thin], (estimate - force)[thin, 1], color=colour)
-    axes[1, 0].axhline(0, color=GREY, lw=0.8)
-    axes[0, 0].set_ylabel("force along y [N]")
-    axes[1, 0].set(ylabel="error [N]", xlabel="time [s]")
-    axes[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+    found = {label: result.vector(f"{names[0]}.{output}")[:, 1] for output, label in _ESTIMATES.items()}
+    time = PlotAxis("time [s]")
+    known = curves(result.time, {"hand": force[:, 1]} | found, (Colour.INK, *COLOURS))
+    wrong = curves(result.time, {name: values - force[:, 1] for name, values in found.items()})
+    plots = [
+        Plot(known, time, PlotAxis("force along y [N]"), link="time"),
+        Plot(wrong, time, PlotAxis("error [N]"), link="time", guides=[Guide(0.0)]),
+    ]
     rows = [
         [f"{n}.{output}", *_rms(result.vector(f"{n}.{output}") - force).tolist()]
         for n in names
-        for output in ("f", "f_static")
+        for output in _ESTIMATES
     ]
     table = Table(
         ["estimate", "x [N]", "y [N]", "z [N]"],
         rows,
         f"RMS error against {truth}, base frame; hand's force on the device.",
     )
-    return Section("Contact force", "", [table], [Figure(to_svg(fig), "As Taati's Fig. 17, y up.")])
+    return Section("Contact force", "", [table], [Figure(plots, "As Taati's Fig. 17, y up.", name="force")])
+
+
+_ESTIMATES = {"f": "with the model", "f_static": "Jacobian alone"}
 
 
 def _rms(values: np.ndarray) -> np.ndarray:

@@ -20,9 +20,19 @@ from cosim.arm.dynamics import heaviest_direction, tip_mass
 from cosim.arm.kinematics import radius
 from cosim.arm.parameters import SET_NAMES, ParameterSet, parameter_set
 from cosim.arm.workspace import BOX, LINKED, Definiteness, definiteness
-from cosim.report.html import Figure, Section, Table
+from cosim.report.arm_figures import (
+    definite_figure,
+    definite_maps_figure,
+    dissection_figure,
+    gravity_figure,
+    joint_dissections_figure,
+    section_figure,
+    shares_figure,
+)
+from cosim.report.html import Section, Table
 
-MASS_LEVELS = (0.03, 0.05, 0.075, 0.1, 0.15, 0.25, 0.5, 1.0, 3.0)
+MASSES = 0.03, 3.0
+"""Ends of the colours of the tip's mass [kg]."""
 POSES = ((0.0, 0.0, 0.0), (0.0, 0.3, 0.4), (0.0, 0.8, 0.9), (0.0, -0.4, 0.2))
 PARAMETER_NAMES = ("d1", "d2", "d3", "d4", "d5", "d6", "g7", "g8")
 
@@ -39,8 +49,6 @@ def _rounded(values, digits: int = 1) -> list[float]:
 
 def limits(arm: ParameterSet) -> Section:
     """Limits of the joints and the linkage, the reachable section, where J is singular."""
-    from cosim.report.arm_figures import section_figure
-
     low, high = degrees(LINKED.low), degrees(LINKED.high)
     rows = [(f"q{i + 1}", *_rounded((low[i], high[i])), "Sallam Table I") for i in range(3)]
     strip = degrees((LINKED.linkage_low, LINKED.linkage_high))
@@ -52,13 +60,8 @@ def limits(arm: ParameterSet) -> Section:
         "the arm in line (|q3 - q2| = 90 deg), which the linkage does not allow. On the axis the tip cannot be moved "
         "sideways at all: its mass grows without bound."
     )
-    caption = (
-        "Section of the workspace. Colour: effective tip mass 1 / (n' J M^-1 J' n) in the heaviest direction n; "
-        "pale red: M is not positive definite there."
-    )
     table = Table(("angle", "from [deg]", "to [deg]", "source"), rows)
-    figure = Figure(section_figure(arm, LINKED, MASS_LEVELS), caption)
-    return Section("Limits and singularities", text, [table], [figure])
+    return Section("Limits and singularities", text, [table], [section_figure(arm, LINKED, MASSES)])
 
 
 def tip_masses(arm: ParameterSet) -> Section:
@@ -76,8 +79,6 @@ def tip_masses(arm: ParameterSet) -> Section:
 
 def definite(arm: ParameterSet, found: Definiteness) -> Section:
     """Whether M is positive definite over the workspace, for this arm and for every set."""
-    from cosim.report.arm_figures import definite_figure, definite_maps_figure
-
     sets = [parameter_set(name) for name in SET_NAMES]
     shown = sets if arm.name in SET_NAMES else [*sets, arm]
     header = (
@@ -100,9 +101,7 @@ def definite(arm: ParameterSet, found: Definiteness) -> Section:
         [(params.name, *_definite_cells(params)) for params in shown],
         "Inertias in 1e-3 kg m^2; box alone: least M11 without the linkage's limits.",
     )
-    own = "M11 and the block's smaller eigenvalue over the linked workspace; black: where they are zero."
-    every = "Smallest eigenvalue of M for every parameter set; red: not positive definite."
-    figures = [Figure(definite_figure(arm, LINKED, found), own), Figure(definite_maps_figure(sets, LINKED), every)]
+    figures = [definite_figure(arm, LINKED, found), definite_maps_figure(sets, LINKED)]
     return Section("Positive definiteness", text, [table], figures)
 
 
@@ -115,8 +114,6 @@ def _definite_cells(params: ParameterSet) -> tuple[object, ...]:
 
 def own_dissection(found: Dissection, motion: ArmMotion, made: str) -> Section:
     """Shares and sizes of the five terms of one arm, and their course."""
-    from cosim.report.arm_figures import dissection_figure
-
     rows = [(name, *_rounded(100 * found.share[i]), *_rounded(1e3 * found.rms[i])) for i, name in enumerate(TERMS)]
     header = ("term", *(f"joint {j} [%]" for j in (1, 2, 3)), *(f"joint {j} RMS [mN m]" for j in (1, 2, 3)))
     fastest = ", ".join(f"{value:.2f}" for value in np.abs(motion.dq).max(axis=0))
@@ -124,25 +121,13 @@ def own_dissection(found: Dissection, motion: ArmMotion, made: str) -> Section:
         f"Motion: {made}. Fastest joint rates {fastest} rad/s (Taati: 3.5 rad/s). Share: mean absolute value of a "
         "term over the sum of the five. The shares of gravity and inertia depend on pose and speed."
     )
-    figure = Figure(
-        dissection_figure(found, min(20.0, float(found.time[-1]))),
-        "The five terms over the first 20 s, like Taati Fig. 10.",
-    )
-    return Section("This arm", text, [Table(header, rows)], [figure])
+    return Section("This arm", text, [Table(header, rows)], [dissection_figure(found)])
 
 
 def all_dissections(found: list[Dissection]) -> Section:
     """The five identified configurations side by side."""
-    from cosim.report.arm_figures import joint_dissections_figure, shares_figure
-
     rows = [(d.name, joint + 1, *_rounded(100 * d.share[:, joint])) for joint in range(3) for d in found]
-    figures = [
-        Figure(shares_figure(found), "Shares of the five identified configurations, same motion."),
-        Figure(
-            joint_dissections_figure(found, 2, min(20.0, float(found[0].time[-1]))),
-            "Joint 3 of the five configurations, like Taati Fig. 11.",
-        ),
-    ]
+    figures = [shares_figure(found), joint_dissections_figure(found, 2)]
     table = Table(("set", "joint", *(f"{name} [%]" for name in TERMS)), rows)
     return Section("All configurations", "", [table], figures)
 
@@ -178,8 +163,6 @@ def _names(names: list[str]) -> str:
 
 def balance(arm: ParameterSet, tool: Attachment, weights: Counterweights) -> Section:
     """Gravity torque and all eight parameters without and with tool and counterweights."""
-    from cosim.report.arm_figures import gravity_figure
-
     arms = [
         (arm.name, arm),
         ("with tool", fitted(arm, tool, Counterweights(0.0, 0.0, weights.lever))),
@@ -195,7 +178,7 @@ def balance(arm: ParameterSet, tool: Attachment, weights: Counterweights) -> Sec
         "balance: the table has all eight. A weight on motor two cannot change g8, so balance needs two weights."
     )
     table = Table(("arm", *PARAMETER_NAMES), rows, "Parameters in 1e-3 (kg m^2, N m).")
-    return Section("Balance", text, [table], [Figure(gravity_figure(arms, LINKED), "Torque that holds the arm up.")])
+    return Section("Balance", text, [table], [gravity_figure(arms, LINKED)])
 
 
 def printed() -> Section:

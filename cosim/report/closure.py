@@ -1,5 +1,6 @@
 """The report of `cosim close-loop`: verdict, before and after, evidence, parameters, replay, what to measure next."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,8 @@ from cosim.closure.score.errors import torque
 from cosim.closure.verdict import Answer
 from cosim.errors import InputError, Problem
 from cosim.report import closure_figures as plots
-from cosim.report.canvas import MplFigure, to_svg
-from cosim.report.html import Figure, Report, Section, Table, write_report
+from cosim.report.html import Report, Section, Table, write_report
+from cosim.report.plots import Figure
 
 MOODS = {Answer.FOUND: "good", Answer.COMPLETE: "good", Answer.UNEXPLAINED: "neutral", Answer.REFUSED: "bad"}
 
@@ -60,7 +61,7 @@ def _models(closure: Closure) -> tuple[Model, Model] | None:
     return closure.before, closure.verdict.models()[1]
 
 
-def error_figure(closure: Closure) -> MplFigure:
+def error_figure(closure: Closure) -> Figure:
     """Held-out torque error of every joint before and after, interval and floor. Raises InputError where refused."""
     e, labels = closure.error, closure.recording.joints
     if e is None:
@@ -94,10 +95,8 @@ def _errors(closure: Closure) -> Section | None:
         "beside it the error with reversals. The floor is what repeats of one "
         "motion differ by. A dash: no repeats, or a joint that does not move in these rows."
     )
-    figure = Figure(to_svg(error_figure(closure)), "Held-out error of the torque")
-    return Section(
-        "Error before and after", text, [Table(header, rows, "RMS error of the torque [%]", digits=3)], [figure]
-    )
+    table = Table(header, rows, "RMS error of the torque [%]", digits=3)
+    return Section("Error before and after", text, [table], [error_figure(closure)])
 
 
 def _cell(value: float | tuple[float, float] | None) -> float | str | None:
@@ -119,7 +118,7 @@ def _time(closure: Closure) -> Section | None:
     before, after = models
     rows = _held(before)
     time = before.setting.motion.time[before.setting.rows.index][rows]
-    svg = plots.torque_before_after(
+    figure = plots.torque_before_after(
         time,
         torque(before)[:, rows],
         before.residual[:, rows],
@@ -127,11 +126,7 @@ def _time(closure: Closure) -> Section | None:
         closure.recording.joints,
         _unit(closure),
     )
-    return Section(
-        "Measured against model",
-        "",
-        figures=[Figure(svg, "Filtered torque and residual (measured - predicted), held-out rows")],
-    )
+    return Section("Measured against model", figures=[figure])
 
 
 def _signals(closure: Closure) -> Section | None:
@@ -144,15 +139,13 @@ def _signals(closure: Closure) -> Section | None:
         signal = _signal(models[0], name)
         use = models[0].setting.use[joint]
         if signal is not None:
-            svg = plots.against_signal(
-                signal[use], models[0].residual[joint][use], models[1].residual[joint][use], name, _unit(closure)
-            )
-            figures.append(
-                Figure(svg, f"Residual of joint {joint + 1} against {name}: means of bins with 95 % intervals")
-            )
+            residuals = [model.residual[joint][use] for model in models]
+            caption = f"Residual of joint {joint + 1} against {name}: means of bins with 95 % intervals."
+            figures.append(plots.against_signal(signal[use], residuals[0], residuals[1], name, _unit(closure), caption))
     return Section("Residual against the signal that explains it", figures=figures) if figures else None
 
 
+REVERSAL = "signed distance since the last reversal of joint"
 EXPLAINED_BY = {
     "stribeck": "dq",
     "coulomb_asymmetry": "dq",
@@ -163,7 +156,7 @@ EXPLAINED_BY = {
     "position_friction": "q",
     "position_torque": "q",
     "torque_ripple": "q",
-    "hysteresis": "q",
+    "hysteresis": REVERSAL,
     "friction_drift": "time",
     "actuator_lag": "tau rate",
     "time_delay": "tau rate",
@@ -197,16 +190,33 @@ def _signal(model: Model, name: str) -> np.ndarray | None:
     if name == "time":
         return motion.time[index]
     kind, _, number = name.rpartition(" ")
-    source = {
+    source: np.ndarray | None = {
         "q": motion.q,
         "dq": motion.dq,
         "ddq": motion.ddq,
         "tau": motion.tau,
         "tau rate": motion.rate(motion.tau),
+        REVERSAL: since_reversal(motion.q, motion.bounds),
     }.get(kind)
     if source is None or not number.isdigit() or not 0 < int(number) <= source.shape[1]:
         return None
     return source[index, int(number) - 1]
+
+
+def since_reversal(q: np.ndarray, bounds: Iterable[tuple[int, int]]) -> np.ndarray:
+    """Distance (n, nj) that each joint has moved since it turned last, with the sign of its direction, in each run of
+    rows from a to b: what presliding and cables depend on. q (n, nj) [rad or m].
+    """
+    out = np.zeros_like(q)
+    for a, b in bounds:
+        for j in range(q.shape[1]):
+            move = np.diff(q[a:b, j], prepend=q[a, j])
+            turns = np.flatnonzero(np.diff(np.sign(move)) != 0) + 1
+            gone = np.cumsum(move)
+            start = np.zeros(b - a)
+            start[turns] = np.diff(gone[turns - 1], prepend=0.0)
+            out[a:b, j] = gone - np.cumsum(start)
+    return out
 
 
 def _residual(closure: Closure) -> Section | None:
@@ -216,12 +226,8 @@ def _residual(closure: Closure) -> Section | None:
     before, after = models
     s = before.setting
     step = float(np.median(np.diff(s.rows.index))) * s.motion.step
-    figures = [
-        Figure(
-            plots.whiteness(before.residual, after.residual, step, closure.recording.joints),
-            "Autocorrelation of the residual; the band holds white noise",
-        )
-    ]
+    figures = [plots.whiteness(before.residual, after.residual, step, closure.recording.joints)]
+    correlations = []
     m, index = s.motion, s.rows.index
     for j, label in enumerate(closure.recording.joints):
         signals = {
@@ -231,7 +237,8 @@ def _residual(closure: Closure) -> Section | None:
             f"tau{j + 1}": m.tau[index, j],
         }
         signals |= {name: values[index] for name, values in list(m.other.items())[:2]}
-        figures.append(Figure(plots.cross_correlation(before.residual[j], signals, step, label)))
+        correlations.append(plots.cross_correlation(before.residual[j], signals, step, label))
+    figures.append(Figure(correlations, "Correlation of the residual with other signals.", name="correlation"))
     return Section("What the residual is made of", figures=figures)
 
 
@@ -350,18 +357,17 @@ def _replay(closure: Closure) -> Section | None:
     errors = r.before, r.after, r.interval, r.position_before, r.position_after
     rows = [(label, *(_cell(x[j]) for x in errors)) for j, label in enumerate(labels)]
     header = ("joint", "torque before [%]", "torque after [%]", "95 % interval", "position before", "position after")
-    figures = (
-        []
-        if not len(r.time)
-        else [Figure(plots.replayed(r.time, r.tau, r.tau_before, r.tau_after, labels, _unit(closure)))]
-    )
+    figures = []
+    if len(r.time):
+        figures = [plots.replayed(r.time, r.tau, r.tau_before, r.tau_after, labels, _unit(closure))]
     text = (
         f"The recorded experiment ({r.kind}) as a co-simulation with the old and "
         f"the new FMU, held-out rows. Positions: RMS in rad or m. "
         "A replay can disagree with the torque error: its errors feed back "
-        "through the controller. A dash: a model that could not be "
-        "replayed (see the warnings)."
+        "through the controller."
     )
+    if r.warnings:
+        text += "\n\n" + "\n\n".join(r.warnings)
     return Section("Replay as a co-simulation", text, [Table(header, rows, digits=3)], figures)
 
 

@@ -2,54 +2,61 @@
 replay.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cosim.report.canvas import BLUE, GREY, ORANGE, RED, MplFigure, figure, to_svg
+from cosim.report.plots import Colour, Figure, Guide, Mark, Plot, PlotAxis, Series, Strip, curves
 
-SHOWN = 8.0  # s of a record that a time plot shows
+SHOWN = 8.0  # s of a record that a time plot shows at first
 BINS = 16
+TIME = PlotAxis("time [s]")
 
 
 def torque_before_after(
     time: np.ndarray, measured: np.ndarray, before: np.ndarray, after: np.ndarray, labels: Sequence[str], unit: str
-) -> str:
-    """Measured torque and both residuals over the first seconds of held-out rows; arrays (J, m)."""
-    fig, axes = figure(len(labels), 2, 10.0, 2.1 * len(labels) + 0.4)
-    keep = time <= time[0] + SHOWN
+) -> Figure:
+    """Measured torque and both residuals over held-out rows, at first some seconds of them; arrays (J, m)."""
+    axis, rise = _ordered(time)
+    plots = []
     for j, label in enumerate(labels):
-        left, right = axes[j]
-        left.plot(time[keep], measured[j, keep], color=GREY, lw=2.2, label="measured")
-        left.plot(time[keep], (measured - before)[j, keep], color=ORANGE, lw=1.0, label="model before")
-        left.plot(time[keep], (measured - after)[j, keep], color=BLUE, lw=1.0, label="model after")
-        right.plot(time[keep], before[j, keep], color=ORANGE, lw=1.0, label="residual before")
-        right.plot(time[keep], after[j, keep], color=BLUE, lw=1.0, label="residual after")
-        left.set_ylabel(f"{label} [{unit}]")
-        if j == 0:
-            left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
-            right.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
-    for ax in axes[-1]:
-        ax.set_xlabel("time [s], held-out rows")
-    return to_svg(fig)
+        parts = (
+            {"measured": measured[j], "model before": (measured - before)[j], "model after": (measured - after)[j]},
+            {"residual before": before[j], "residual after": after[j]},
+        )
+        colours = (Colour.GREY, Colour.ORANGE, Colour.BLUE), (Colour.ORANGE, Colour.BLUE)
+        for values, tones in zip(parts, colours):
+            plots.append(Plot(curves(rise, values, tones), axis, PlotAxis(f"{label} [{unit}]"), link="held-out"))
+    caption = "Filtered torque and residual (measured - predicted), held-out rows."
+    return Figure(plots, caption, columns=2, name="torque")
 
 
-def against_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray, name: str, unit: str) -> str:
+def _ordered(time: np.ndarray) -> tuple[PlotAxis, np.ndarray]:
+    """The axis of time, and times that rise: recordings that each begin at zero follow one another."""
+    jumps = np.diff(time, prepend=time[:1])
+    if np.all(jumps[1:] > 0):
+        return PlotAxis("time [s], held-out rows"), time
+    step = float(np.median(jumps[jumps > 0])) if np.any(jumps > 0) else 1.0
+    return PlotAxis("time [s], held-out rows of all recordings"), np.cumsum(np.where(jumps > 0, jumps, step))
+
+
+def against_signal(
+    signal: np.ndarray, before: np.ndarray, after: np.ndarray, name: str, unit: str, caption: str
+) -> Figure:
     """Residual before and after against a signal: points, and means in bins with 95 % intervals. Arrays (m,)."""
-    fig, axes = figure(1, 2, 10.0, 3.0)
-    for ax, residual, colour, title in ((axes[0, 0], before, ORANGE, "before"), (axes[0, 1], after, BLUE, "after")):
+    limit = 1.2 * float(np.percentile(np.abs(before), 99.5))
+    plots = []
+    for residual, colour, title in ((before, Colour.ORANGE, "before"), (after, Colour.BLUE, "after")):
         pick = slice(None, None, max(len(signal) // 3000, 1))
-        ax.plot(signal[pick], residual[pick], ".", ms=2, color=GREY, alpha=0.5)
         centre, mean, half = binned(signal, residual)
-        ax.errorbar(centre, mean, half, color=colour, marker="o", ms=3, lw=1.2, capsize=2)
-        ax.axhline(0, color=GREY, lw=0.6)
-        ax.set_title(f"residual {title}")
-        ax.set_xlabel(name)
-        ax.set_ylabel(f"residual [{unit}]")
-    limit = np.percentile(np.abs(before), 99.5)
-    for ax in axes[0]:
-        ax.set_ylim(-1.2 * limit, 1.2 * limit)
-    return to_svg(fig)
+        series = [
+            Series("rows", signal[pick], residual[pick], Colour.GREY, Mark.POINTS, size=2.0),
+            Series("", centre, mean, colour),
+            Series("mean of a bin", centre, mean, colour, Mark.POINTS, size=6.0, error=half),
+        ]
+        axes = PlotAxis(name), PlotAxis(f"residual [{unit}]", (-limit, limit))
+        plots.append(Plot(series, *axes, f"residual {title}", height=220, guides=[Guide(0.0)]))
+    return Figure(plots, caption, columns=2, name="residual")
 
 
 def binned(signal: np.ndarray, residual: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -68,63 +75,55 @@ def binned(signal: np.ndarray, residual: np.ndarray, bins: int = BINS) -> tuple[
     return centre, mean, half
 
 
-def whiteness(before: np.ndarray, after: np.ndarray, step: float, labels: Sequence[str]) -> str:
+def whiteness(before: np.ndarray, after: np.ndarray, step: float, labels: Sequence[str]) -> Figure:
     """Autocorrelation of the residual (J, m) up to one second, before and after, with the band of white noise."""
-    fig, axes = figure(1, len(labels), 10.0, 2.6)
-    count = max(int(1.0 / step), 5)
+    lags = min(max(int(1.0 / step), 5), before.shape[1] - 1)
+    time, band = np.arange(lags) * step, 1.96 / np.sqrt(max(before.shape[1], 1))
+    plots = []
     for j, label in enumerate(labels):
-        ax = axes[0, j]
-        for residual, colour, name in ((before[j], ORANGE, "before"), (after[j], BLUE, "after")):
-            x = residual - residual.mean()
-            lags = min(count, len(x) - 1)
-            r = np.array([x[: len(x) - k] @ x[k:] for k in range(lags)]) / max(x @ x, 1e-300)
-            ax.plot(np.arange(lags) * step, r, color=colour, lw=1.2, label=name)
-        band = 1.96 / np.sqrt(max(before.shape[1], 1))
-        ax.axhspan(-band, band, color=GREY, alpha=0.25, lw=0)
-        ax.set_title(label)
-        ax.set_xlabel("lag [s]")
-        if j == 0:
-            ax.set_ylabel("autocorrelation")
-            ax.legend()
-    return to_svg(fig)
+        both = {"before": _autocorrelation(before[j], lags), "after": _autocorrelation(after[j], lags)}
+        series = curves(time, both, (Colour.ORANGE, Colour.BLUE))
+        axes, strip = (PlotAxis("lag [s]"), PlotAxis("autocorrelation [1]")), Strip(-band, band)
+        plots.append(Plot(series, *axes, label, link="lag", height=170, strips=[strip]))
+    caption = "Autocorrelation of the residual; the band holds white noise."
+    return Figure(plots, caption, columns=min(len(labels), 3), name="whiteness")
 
 
-def cross_correlation(residual: np.ndarray, signals: dict[str, np.ndarray], step: float, label: str) -> str:
-    """Correlation of a residual (m,) with signals, shifted up to half a second either way."""
-    fig, axes = figure(1, 1, 8.0, 2.8)
-    ax, lags = axes[0, 0], max(int(0.5 / step), 3)
+def _autocorrelation(residual: np.ndarray, lags: int) -> np.ndarray:
     x = residual - residual.mean()
+    return np.array([x[: len(x) - k] @ x[k:] for k in range(lags)]) / max(x @ x, 1e-300)
+
+
+def cross_correlation(residual: np.ndarray, signals: Mapping[str, np.ndarray], step: float, label: str) -> Plot:
+    """Correlation of a residual (m,) with signals, shifted up to half a second either way."""
+    lags = max(int(0.5 / step), 3)
+    x = residual - residual.mean()
+    found = {}
     for name, values in signals.items():
         y = values - values.mean()
         scale = max(np.sqrt((x @ x) * (y @ y)), 1e-300)
-        r = [
-            x[max(k, 0) : len(x) + min(k, 0)] @ y[max(-k, 0) : len(y) - max(k, 0)] / scale
-            for k in range(-lags, lags + 1)
-        ]
-        ax.plot(np.arange(-lags, lags + 1) * step, r, lw=1.2, label=name)
-    ax.set_xlabel("shift [s] (positive: the residual follows)")
-    ax.set_ylabel("correlation")
-    ax.set_title(f"residual of {label} with other signals")
-    ax.legend(ncols=2)
-    return to_svg(fig)
+        shifts = range(-lags, lags + 1)
+        found[name] = np.array([x[max(k, 0) : len(x) + min(k, 0)] @ y[max(-k, 0) : len(y) - max(k, 0)] for k in shifts])
+        found[name] = found[name] / scale
+    axes = PlotAxis("shift [s] (positive: the residual follows)"), PlotAxis("correlation [1]")
+    return Plot(curves(np.arange(-lags, lags + 1) * step, found), *axes, f"residual of {label}", link="shift")
 
 
 def replayed(
     time: np.ndarray, measured: np.ndarray, before: np.ndarray, after: np.ndarray, labels: Sequence[str], unit: str
-) -> str:
-    """Torque of the replay with the old and the new FMU against the recorded one; arrays (n, J), the last seconds."""
-    fig, axes = figure(len(labels), 1, 10.0, 2.1 * len(labels) + 0.4)
-    keep = time >= time[-1] - SHOWN
+) -> Figure:
+    """Torque of the replay with the old and the new FMU against the recorded one; arrays (n, J). A replay that failed
+    is left out.
+    """
+    axis, rise = _ordered(time)
+    every = {"recorded": measured, "old FMU": before, "new FMU": after}
+    tones = dict(zip(every, (Colour.GREY, Colour.ORANGE, Colour.BLUE)))
+    shown = {name: values for name, values in every.items() if np.isfinite(values).any()}
+    plots = []
     for j, label in enumerate(labels):
-        ax = axes[j, 0]
-        ax.plot(time[keep], measured[keep, j], color=GREY, lw=2.0, label="recorded")
-        ax.plot(time[keep], before[keep, j], color=ORANGE, lw=0.9, label="old FMU")
-        ax.plot(time[keep], after[keep, j], color=BLUE, lw=0.9, label="new FMU")
-        ax.set_ylabel(f"{label} [{unit}]")
-        if j == 0:
-            ax.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
-    axes[-1, 0].set_xlabel("time [s]")
-    return to_svg(fig)
+        series = curves(rise, {name: values[:, j] for name, values in shown.items()}, [tones[name] for name in shown])
+        plots.append(Plot(series, axis, PlotAxis(f"{label} [{unit}]"), link="replay"))
+    return Figure(plots, "", name="replay")
 
 
 def error_bars(
@@ -133,19 +132,19 @@ def error_bars(
     interval: Sequence[tuple[float, float]],
     floor: Sequence[float | None],
     labels: Sequence[str],
-) -> MplFigure:
+) -> Figure:
     """Held-out RMS% per joint before and after, with the interval of after and the floor where it is known."""
-    fig, axes = figure(1, 1, 6.0, 2.8)
-    ax, place = axes[0, 0], np.arange(len(labels))
-    ax.bar(place - 0.18, before, 0.34, color=ORANGE, label="before")
-    low, high = np.array([[a - lo, hi - a] for a, (lo, hi) in zip(after, interval, strict=True)]).T
-    ax.bar(
-        place + 0.18, after, 0.34, color=BLUE, label="after", yerr=np.maximum(np.nan_to_num((low, high)), 0), capsize=3
-    )
-    for x, value in zip(place, floor, strict=True):
-        if value is not None:
-            ax.hlines(value, x - 0.4, x + 0.4, color=RED, lw=1.4, label="floor" if x == 0 else None)
-    ax.set_xticks(place, labels)
-    ax.set_ylabel("RMS error of the torque [%]")
-    ax.legend()
-    return fig
+    place = np.arange(len(labels), dtype=float)
+    middle, half = np.array([((lo + hi) / 2, (hi - lo) / 2) for lo, hi in interval]).T
+    series = [
+        Series("before", place - 0.18, np.asarray(before), Colour.ORANGE, Mark.BARS, size=0.34),
+        Series("after", place + 0.18, np.asarray(after), Colour.BLUE, Mark.BARS, size=0.34),
+        Series("95 % interval of after", place + 0.18, middle, Colour.INK, Mark.POINTS, size=2.0, error=half),
+    ]
+    known = [(x, value) for x, value in zip(place, floor, strict=True) if value is not None]
+    if known:
+        x = np.ravel([(x - 0.4, x + 0.4, np.nan) for x, _ in known])
+        y = np.ravel([(value, value, np.nan) for _, value in known])
+        series.append(Series("floor", x, y, Colour.RED, size=2.0))
+    axes = PlotAxis("", names=labels), PlotAxis("RMS error of the torque [%]")
+    return Figure([Plot(series, *axes, height=240)], "Held-out error of the torque.", name="errors")

@@ -1,15 +1,23 @@
 """One offline HTML file: verdict, sections with text, figures and tables, provenance.
 
-The only module that imports jinja2. Everything is inline: no script, no font, no picture is fetched.
+The only module that imports jinja2. Everything is inline: no script, no font, no picture is fetched. Figures are data
+(`cosim.report.plots`) that the page's script draws with uPlot (folder `web`, with its licence and checksum).
 """
 
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
+from cosim.report.packing import packed
+from cosim.report.plots import Figure
 from cosim.results.saving import write_text
+
+WEB = Path(__file__).with_name("web")
+STYLES = ("uPlot.min.css", "page.css")
+SCRIPTS = ("uPlot.iife.min.js", "marks.js", "plots.js", "page.js")
 
 
 @frozen
@@ -37,7 +45,7 @@ class Table:
 
 
 @frozen
-class Figure:
+class Drawing:
     """An inline `<svg>` element (trusted: our own drawing) and what it shows."""
 
     svg: str
@@ -51,18 +59,22 @@ class Section:
     heading: str
     text: str = ""
     tables: tuple[Table, ...] = field(default=(), converter=tuple)
-    figures: tuple[Figure, ...] = field(default=(), converter=tuple)
+    figures: tuple[Figure | Drawing, ...] = field(default=(), converter=tuple)
 
 
 @frozen
 class Report:
-    """What a command found. `verdict` stands on top in one or two sentences; `mood` colours it: good, bad, neutral."""
+    """What a command found. `verdict` stands on top in one or two sentences; `mood` colours it: good, bad, neutral.
+
+    source: the file that holds all of what the figures show a part of.
+    """
 
     title: str
     verdict: str
     sections: tuple[Section, ...] = field(default=(), converter=tuple)
     provenance: dict[str, object] = field(factory=dict)
     mood: str = "neutral"
+    source: str = ""
 
 
 def write_report(report: Report, path: Path | str) -> Path:
@@ -84,10 +96,31 @@ def render(report: Report) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    figures = _figures(report)
+    places = {id(figure): k for k, figure in enumerate(figures, 1)}
     environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
+    environment.filters["number"] = lambda figure: places[id(figure)]
     environment.tests["code"] = lambda value: isinstance(value, Code)
-    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return environment.get_template("report.html.j2").render(report=report, made=made)
+    environment.tests["drawing"] = lambda value: isinstance(value, Drawing)
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        numbers=packed(
+            [evolve(f, name=f.name or f"figure-{k}") for k, f in enumerate(figures, 1)], source=report.source
+        ),
+        style=_web(STYLES),
+        script=_web(SCRIPTS),
+    )
+
+
+def _figures(report: Report) -> list[Figure]:
+    return [figure for section in report.sections for figure in section.figures if isinstance(figure, Figure)]
+
+
+@cache
+def _web(names: tuple[str, ...]) -> str:
+    """Files of the folder `web`, one after the other."""
+    return "\n".join((WEB / name).read_text(encoding="utf-8") for name in names)
 
 
 def cell(value: object, digits: int = 6) -> str:

@@ -8,8 +8,8 @@ from cosim.identification.document import verdict
 from cosim.identification.identification import Identification, unexcited, without_friction
 from cosim.identification.idim import Idim
 from cosim.report import identify_figures as plots
-from cosim.report.canvas import MplFigure, to_svg
-from cosim.report.html import Figure, Report, Section, Table
+from cosim.report.html import Report, Section, Table
+from cosim.report.plots import Figure
 
 
 def page(found: Identification, paper: Identification, idim: Idim | None) -> Report:
@@ -57,12 +57,7 @@ def _parameters(found: Identification, paper: Identification) -> Section:
         f"({found.spread.blocks} blocks). The white-noise figure is what least "
         "squares gives by itself; it is shown to be compared, not to be used."
     )
-    return Section(
-        "Parameters",
-        text,
-        [Table(header, rows)],
-        [Figure(plots.intervals(found), "What the residual's correlation costs.")],
-    )
+    return Section("Parameters", text, [Table(header, rows)], [plots.intervals(found)])
 
 
 def _errors(found: Identification, paper: Identification, idim: Idim | None) -> Section:
@@ -95,18 +90,17 @@ def _errors(found: Identification, paper: Identification, idim: Idim | None) -> 
     return Section("Errors", text, [Table(["joint", "method", "train [%]", "held out [%]"], rows)])
 
 
-def torque_figure(found: Identification) -> MplFigure:
+def torque_figure(found: Identification) -> Figure:
     """Measured and predicted torque of every joint on held-out rows."""
     return plots.torques(found, without_friction(found), found.model.frictionless())
 
 
 def _figures(found: Identification) -> list[Section]:
-    rigid = without_friction(found)
-    caption = "Held-out rows (Taati Figs. 4, 6 and 8)."
-    figures = [Figure(to_svg(torque_figure(found)), caption)]
-    over = Figure(plots.residuals(found, rigid), "Residual over velocity, grey: near a reversal (Taati Figs. 5 and 7).")
-    parts = Figure(plots.friction(found), "Parts of the identified friction (Taati Fig. 9).")
-    return [Section("Torques", "", figures=figures), Section("Friction", "", figures=[over, parts])]
+    over = plots.residuals(found, without_friction(found))
+    return [
+        Section("Torques", figures=[torque_figure(found)]),
+        Section("Friction", figures=[over, plots.friction(found)]),
+    ]
 
 
 def _shown(found: Identification) -> Section:

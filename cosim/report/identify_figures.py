@@ -5,113 +5,96 @@ parts.
 import numpy as np
 
 from cosim.identification.identification import Identification
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
+from cosim.report.plots import Colour, Figure, Mark, Plot, PlotAxis, Series, curves, shaded
 
-POINTS = 1500
+TIME = PlotAxis("time [s]")
 
 
-def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | None) -> MplFigure:
+def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | None) -> Figure:
     """Measured and predicted filtered torque per joint on held-out rows (Figs. 4 and 6).
 
     rigid (p,): parameters fitted without friction; piecewise (p',): the leading ones by another method, if there are.
     """
-    rows = _shown(found)
-    time, predicted = found.stack.time[rows], found.predicted[rows]
-    without = (found.stack.y @ rigid)[rows]
-    fig, axes = figure(len(found.recording.joints), 1, height=1.0 + 1.9 * len(found.recording.joints))
-    for j, ax in enumerate(axes[:, 0]):
-        _line(ax, time, found.stack.tau[rows, j], BLACK, "measured")
-        _line(ax, time, without[:, j], GREEN, "no friction", width=0.9)
-        if piecewise is not None:
-            _line(
-                ax, time, (found.stack.y[:, :, : len(piecewise)] @ piecewise)[rows, j], ORANGE, "piecewise", width=0.9
-            )
-        _line(ax, time, predicted[:, j], BLUE, "identified", style="--")
-        _left_out(ax, time, found.stack.keep[rows, j])
-        ax.set_ylabel(f"{found.recording.joints[j]} [{_unit(found)}]")
-    axes[-1, 0].set_xlabel("time [s]; shaded: near a reversal, neither fitted nor judged")
-    axes[0, 0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
-    return fig
+    rows, stack = _shown(found), found.stack
+    lines = {"measured": stack.tau[rows], "no friction": (stack.y @ rigid)[rows]}
+    if piecewise is not None:
+        lines["piecewise"] = (stack.y[:, :, : len(piecewise)] @ piecewise)[rows]
+    lines["identified"] = found.predicted[rows]
+    tones = {"measured": Colour.INK, "no friction": Colour.GREEN, "piecewise": Colour.ORANGE}
+    time, plots = stack.time[rows], []
+    for j, joint in enumerate(found.recording.joints):
+        colours = [tones.get(name, Colour.BLUE) for name in lines]
+        series = curves(time, {name: values[:, j] for name, values in lines.items()}, colours, ["identified"])
+        strips = shaded(time, ~stack.keep[rows, j])
+        plots.append(Plot(series, TIME, PlotAxis(f"{joint} [{_unit(found)}]"), link="time", height=180, strips=strips))
+    caption = "Held-out rows (Taati Figs. 4, 6 and 8); shaded: near a reversal, neither fitted nor judged."
+    return Figure(plots, caption, name="torques")
 
 
-def residuals(found: Identification, rigid: np.ndarray) -> str:
+def residuals(found: Identification, rigid: np.ndarray) -> Figure:
     """Residual over velocity without and with friction in the model (Figs. 5 and 7)."""
-    rows = _shown(found)
-    joints = len(found.recording.joints)
-    fig, axes = figure(2, joints, height=4.6, width=min(8.0, 3.4 + 2.4 * (joints - 1)))
-    for line, (params, title) in enumerate(
-        ((rigid, "no friction in the model"), (found.params, "friction in the model"))
-    ):
+    rows, joints = _shown(found), found.recording.joints
+    speed = PlotAxis(f"velocity [{'m/s' if found.recording.description.prismatic else 'rad/s'}]")
+    plots = []
+    models = (rigid, "no friction in the model", Colour.RED), (found.params, "friction in the model", Colour.BLUE)
+    for params, title, colour in models:
         left = found.stack.tau[rows] - (found.stack.y @ params)[rows]
-        for j in range(joints):
-            ax, keep = axes[line, j], found.stack.keep[rows, j]
-            ax.plot(found.stack.dq[rows, j][~keep], left[:, j][~keep], ".", ms=1.5, color=GREY)
-            ax.plot(found.stack.dq[rows, j][keep], left[:, j][keep], ".", ms=1.5, color=RED if line == 0 else BLUE)
-            ax.set_title(f"{found.recording.joints[j]}, {title}" if j == 0 else found.recording.joints[j])
-            ax.set_xlabel(f"velocity [{'m/s' if found.recording.description.prismatic else 'rad/s'}]" if line else "")
-        axes[line, 0].set_ylabel(f"residual [{_unit(found)}]")
-    return to_svg(fig)
+        for j, joint in enumerate(joints):
+            dq, keep = found.stack.dq[rows, j], found.stack.keep[rows, j]
+            series = [
+                Series("near a reversal", dq[~keep], left[:, j][~keep], Colour.GREY, Mark.POINTS, size=2.5),
+                Series("judged", dq[keep], left[:, j][keep], colour, Mark.POINTS, size=2.5),
+            ]
+            plots.append(Plot(series, speed, PlotAxis(f"residual [{_unit(found)}]"), f"{joint}, {title}", height=220))
+    caption = "Residual over velocity (Taati Figs. 5 and 7)."
+    return Figure(plots, caption, columns=min(len(joints), 3) if len(joints) > 1 else 2, name="residual")
 
 
-def friction(found: Identification) -> str:
+def friction(found: Identification) -> Figure:
     """Viscous and Coulomb parts of the friction over time (Fig. 9)."""
-    rows = _shown(found)
-    labels, joints, device = found.stack.labels, found.recording.joints, found.recording.device
-    fig, axes = figure(len(joints), 1, height=1.0 + 1.6 * len(joints))
-    for j, ax in enumerate(axes[:, 0]):
-        for family, colour in (("viscous", GREEN), ("coulomb", RED)):
+    rows, labels, device = _shown(found), found.stack.labels, found.recording.device
+    time, plots = found.stack.time[rows], []
+    for j, joint in enumerate(found.recording.joints):
+        parts = {}
+        for family, name in (("viscous", "viscous"), ("coulomb", "Coulomb")):
             if (label := device.label(family, j)) in labels:
                 k = labels.index(label)
-                part = found.stack.y[rows, j, k] * found.params[k]
-                _line(ax, found.stack.time[rows], part, colour, {"viscous": "viscous", "coulomb": "Coulomb"}[family])
-        ax.set_ylabel(f"{joints[j]} [{_unit(found)}]")
-    axes[-1, 0].set_xlabel("time [s]")
-    axes[0, 0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
-    return to_svg(fig)
+                parts[name] = found.stack.y[rows, j, k] * found.params[k]
+        series = curves(time, parts, (Colour.GREEN, Colour.RED))
+        plots.append(Plot(series, TIME, PlotAxis(f"{joint} [{_unit(found)}]"), link="time"))
+    return Figure(plots, "Parts of the identified friction (Taati Fig. 9).", name="friction")
 
 
-def intervals(found: Identification) -> str:
+def intervals(found: Identification) -> Figure:
     """Each parameter's 95 % interval, residual correlation counted, against the white-noise one; in white standard
     deviations.
     """
     shown = [p for p in found.parameters if np.isfinite(p.std) and p.std_white > 0]
-    fig, axes = figure(1, 1, height=1.0 + 0.2 * len(shown))
-    ax = axes[0, 0]
-    for line, p in enumerate(shown):
-        half = (p.interval[1] - p.interval[0]) / 2 / p.std_white
-        ax.plot(
-            [-1.96, 1.96],
-            [line, line],
-            color=ORANGE,
-            lw=5,
-            alpha=0.8,
-            label="white noise assumed" if line == 0 else None,
-        )
-        ax.plot([-half, half], [line, line], color=BLUE, lw=1.8, label="correlation counted" if line == 0 else None)
-    ax.set_yticks(range(len(shown)), [str(p.label) for p in shown])
-    ax.invert_yaxis()
-    ax.set_xlabel("half-width of the 95 % interval / white-noise standard deviation")
-    ax.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
-    return to_svg(fig)
+    half = np.array([(p.interval[1] - p.interval[0]) / 2 / p.std_white for p in shown])
+    white = np.full(len(shown), 1.96)
+    series = [
+        _across("white noise assumed", white, Colour.ORANGE, 6.0),
+        _across("correlation counted", half, Colour.BLUE, 2.0),
+    ]
+    axes = (
+        PlotAxis("half-width of the 95 % interval / white-noise standard deviation"),
+        PlotAxis("", names=[str(p.label) for p in shown]),
+    )
+    plot = Plot(series, *axes, height=60 + 18 * len(shown))
+    return Figure([plot], "What the residual's correlation costs.", name="intervals")
+
+
+def _across(name: str, half: np.ndarray, colour: Colour, width: float) -> Series:
+    """A line from -half to +half (n,) in each row of a plot."""
+    ends = np.column_stack([-half, half, np.full(len(half), np.nan)]).ravel()
+    return Series(name, ends, np.repeat(np.arange(len(half), dtype=float), 3), colour, size=width)
 
 
 def _shown(found: Identification) -> np.ndarray:
-    """Up to POINTS neighbouring rows of the first run with held-out rows, thinned to about POINTS."""
+    """The rows of the first run with held-out rows."""
     held = found.stack.test & found.stack.settled
     rows = np.flatnonzero(held if held.any() else found.stack.settled)
-    rows = rows[found.stack.run[rows] == found.stack.run[rows[0]]]
-    return rows[:: max(len(rows) // POINTS, 1)]
-
-
-def _line(
-    ax: Axes, time: np.ndarray, values: np.ndarray, colour: str, label: str, style: str = "-", width: float = 1.3
-) -> None:
-    ax.plot(time, values, style, color=colour, lw=width, label=label)
-
-
-def _left_out(ax: Axes, time: np.ndarray, keep: np.ndarray) -> None:
-    if not keep.all():
-        ax.fill_between(time, 0, 1, where=~keep, transform=ax.get_xaxis_transform(), color=GREY, alpha=0.15, lw=0)
+    return rows[found.stack.run[rows] == found.stack.run[rows[0]]]
 
 
 def _unit(found: Identification) -> str:

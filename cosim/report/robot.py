@@ -5,11 +5,11 @@ import numpy as np
 from cosim.arm.robot import Robot, finite
 from cosim.arm.serial_kinematics import frames, tip_position
 from cosim.arm.serial_table import home
-from cosim.report.canvas import BLACK, BLUE, ORANGE, figure, to_svg
-from cosim.report.html import Code, Figure, Report, Section, Table
+from cosim.report.html import Code, Report, Section, Table
+from cosim.report.plots import Colour, Figure, Mark, Plot, PlotAxis, Series
 
-SHOWN = 1500
-"""Points of the workspace that are drawn: a page stays below a megabyte."""
+SHOWN = 6000
+"""Points of the workspace that are drawn."""
 
 
 def robot_report(robot: Robot, command: str = "") -> Report:
@@ -118,23 +118,28 @@ def _workspace(robot: Robot) -> Section:
         f"not looked at). In {still:.0f} % of them the tip moves in one direction 20 times less than in another: near "
         "a singular pose."
     )
-    caption = "Tips seen from above and from the side; orange: near a singular pose. Black: the arm where it starts."
-    return Section(
-        "Workspace", text, [Table(("axis", "from [m]", "to [m]"), rows, digits=4)], [Figure(_tips(robot), caption)]
-    )
+    table = Table(("axis", "from [m]", "to [m]"), rows, digits=4)
+    return Section("Workspace", text, [table], [_tips(robot)])
 
 
-def _tips(robot: Robot) -> str:
+def _tips(robot: Robot) -> Figure:
     seen = robot.survey
     tips, singular = seen.tips[:SHOWN], seen.dexterity[:SHOWN] < 0.05
     bones = _bones(robot)
-    fig, axes = figure(1, 2, width=9.0, height=4.4)
-    for axis, (i, j) in zip(axes[0], ((0, 1), (0, 2)), strict=True):
-        for chosen, colour in ((~singular, BLUE), (singular, ORANGE)):
-            axis.plot(tips[chosen, i], tips[chosen, j], ".", ms=2.5, color=colour, alpha=0.6, rasterized=True)
-        axis.plot(*bones[:, [i, j]].T, color=BLACK, lw=1.8, marker="o", ms=3)
-        axis.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal")
-    return to_svg(fig)
+    plots = []
+    for i, j in ((0, 1), (0, 2)):
+        clouds = [
+            Series(name, tips[chosen, i], tips[chosen, j], colour, Mark.POINTS, size=2.5)
+            for name, chosen, colour in (
+                ("tips", ~singular, Colour.BLUE),
+                ("near a singular pose", singular, Colour.ORANGE),
+            )
+        ]
+        arm = Series("arm at its start", bones[:, i], bones[:, j], Colour.INK, size=2.5)
+        joints = Series("", bones[:, i], bones[:, j], Colour.INK, Mark.POINTS, size=6.0)
+        axes = PlotAxis(f"{'xyz'[i]} [m]"), PlotAxis(f"{'xyz'[j]} [m]")
+        plots.append(Plot([*clouds, arm, joints], *axes, height=380, equal=True))
+    return Figure(plots, "Tips seen from above and from the side.", columns=2, name="workspace")
 
 
 def _bones(robot: Robot) -> np.ndarray:

@@ -8,34 +8,23 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.table import SignalColumns, stacked
 from cosim.errors import InputError, Problem
 from cosim.report.applications import application_sections
-from cosim.report.canvas import (
-    BLACK,
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    ORANGE,
-    Axes,
-    MplFigure,
-    figure,
-    label_of,
-    plain_texts,
-    to_svg,
-)
-from cosim.report.html import Figure, Report, Section, Table, cell
+from cosim.report.html import Drawing, Report, Section, Table, cell
+from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series, curves
 from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.provenance import provenance
 from cosim.results.summary import Judged, limit_time, simulated_time
 from cosim.signals import grouped, stem
 from cosim.wiring import direction_table, vector_starts
 
-_POINTS = 4000
+_MEMORY = 256 << 20
+"""Bytes of a run's table that its report reads; of a larger one it takes every so many rows."""
+TIME = PlotAxis("time [s]")
 _GOOD = {Outcome.CONVERGED}
 _BAD = {Outcome.GROWING, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, Outcome.FAILED}
 
 
 def run_report(judged: Judged) -> Report:
-    """The report of a run; one that is too long for memory is shown by some ten thousand of its rows."""
+    """The report of a run; one that is too long for memory is shown by every so many of its rows."""
     judged = evolve(judged, result=_shown(judged.result))
     result = judged.result
     sections = [
@@ -46,25 +35,28 @@ def run_report(judged: Judged) -> Report:
         _delays(result),
         _others(result),
         _messages(result),
+        _scenario(result),
         _wiring(judged),
         _components(judged),
     ]
     mood = "good" if judged.outcome in _GOOD else "bad" if judged.outcome in _BAD else "neutral"
     return Report(
-        result.scenario.title or result.scenario.name,
+        f"{result.scenario.name}: {judged.outcome.value.replace('_', ' ')}",
         _verdict(judged),
         [s for s in sections if s is not None],
         provenance(result),
         mood,
+        source="result.h5",
     )
 
 
 def _shown(result: Result) -> Result:
     if not isinstance(result.signals, SignalColumns) or not result.signals.rows.on_disk:
         return result
-    every, names = len(result.time) // 20_000 + 1, list(result.signals)
-    values = stacked(result.signals, names, every)
-    return evolve(result, time=result.time[::every], signals=dict(zip(names, values.T)))
+    names = list(result.signals)
+    every = 8 * len(result.time) * len(names) // _MEMORY + 1
+    values = np.ascontiguousarray(stacked(result.signals, names, every).T)
+    return evolve(result, time=result.time[::every], signals=dict(zip(names, values)))
 
 
 # --- words and tables
@@ -104,12 +96,19 @@ def _found(judged: Judged) -> Section:
         ("motor limit first reached [s]", limit_time(result)),
         ("effects added", ", ".join(result.scenario.effects) or None),
     ]
-    text = result.scenario.description
     return Section(
         "What was found",
-        text,
         tables=[Table(("", ""), [(name, cell(value)) for name, value in rows if value is not None])],
     )
+
+
+def _scenario(result: Result) -> Section | None:
+    """What the scenario's file says of itself: after what was found, since a changed value may have made it untrue."""
+    scenario = result.scenario
+    if not (scenario.title or scenario.description):
+        return None
+    text = f"The words of its file. What was changed for this run is in the command below.\n\n{scenario.title}"
+    return Section("The scenario", f"{text}\n\n{scenario.description}".strip())
 
 
 def _messages(result: Result) -> Section | None:
@@ -162,7 +161,7 @@ def _wiring(judged: Judged) -> Section:
     if wiring.notes:
         text += "\n\n" + "; ".join(wiring.notes) + "."
     caption = "Block diagram. Numbers at the wires: delay added by the stepping."
-    return Section("Wiring", text, tables, [Figure(block_diagram(wiring), caption)])
+    return Section("Wiring", text, tables, [Drawing(block_diagram(wiring), caption)])
 
 
 def _components(judged: Judged) -> Section:
@@ -206,52 +205,27 @@ def _components(judged: Judged) -> Section:
 # ------------------------------------------------------------------------------------------------------------
 
 
-def _thin(result: Result) -> np.ndarray:
-    """Indices of at most 4000 rows, evenly spread."""
-    step = max(1, len(result.time) // _POINTS)
-    return np.arange(0, len(result.time), step)
-
-
 def _tracking(result: Result) -> Section | None:
-    if result.scenario.arms is None or not all(f"{arm}.x[1]" in result.signals for arm in result.scenario.arms):
+    if not _two_tips(result):
         return None
-    figures = [
-        Figure(to_svg(_tips(result)), "Tip positions of the local and the remote arm, and the distance between them."),
-        Figure(_path(result), "Path of the tips; the dot is the start."),
-    ]
-    return Section("Tracking", "", figures=figures)
+    return Section("Tracking", "", figures=[_tips(result), _paths(result)])
 
 
-def plain_figure(result: Result) -> MplFigure:
+def _two_tips(result: Result) -> bool:
+    arms = result.scenario.arms
+    return arms is not None and all(f"{arm}.x[1]" in result.signals for arm in arms)
+
+
+def overview(result: Result) -> Figure:
     """The figure of a run in one: tips of both arms and their distance; else its first recorded signals.
 
     Raises InputError where nothing was recorded.
     """
-    arms = result.scenario.arms
-    if arms is not None and all(f"{arm}.x[1]" in result.signals for arm in arms):
-        fig = _tips(result)
-        plain_texts(fig)
-        return fig
+    if _two_tips(result):
+        return _tips(result)
     if not result.signals:
         raise InputError(Problem("plot", "a run with recorded signals", "one without"))
-    fig = _stack(result, list(grouped(result.signals)))
-    plain_texts(fig)
-    return fig
-
-
-def _tips(result: Result) -> MplFigure:
-    rows, (local, remote) = _thin(result), _arms(result)
-    time, x_l, x_r = result.time[rows], result.vector(f"{local}.x")[rows], result.vector(f"{remote}.x")[rows]
-    fig, axes = figure(4, 1, 9.5, 7.2)
-    for axis, (plot, name) in enumerate(zip(axes[:3, 0], "xyz")):
-        plot.plot(time, x_l[:, axis] * 1e3, color=BLUE, label=label_of(local))
-        plot.plot(time, x_r[:, axis] * 1e3, color=ORANGE, linestyle=(0, (4, 2)), label=label_of(remote))
-        plot.set_ylabel(f"{name} [mm]")
-    _legend(axes[0, 0], 2)
-    axes[3, 0].plot(time, np.linalg.norm(x_l - x_r, axis=1) * 1e3, color=BLACK)
-    axes[3, 0].set_ylabel("|x_l − x_r| [mm]")
-    _share_time(axes[:, 0])
-    return fig
+    return stack(result, list(grouped(result.signals)))
 
 
 def _arms(result: Result) -> tuple[str, str]:
@@ -261,19 +235,34 @@ def _arms(result: Result) -> tuple[str, str]:
     return arms
 
 
-def _path(result: Result) -> str:
-    rows, (local, remote) = _thin(result), _arms(result)
-    fig, axes = figure(1, 3, 9.5, 3.1)
-    for plot, (a, b) in zip(axes[0], ((0, 1), (2, 1), (0, 2))):
-        for arm, colour, style in ((local, BLUE, "-"), (remote, ORANGE, (0, (4, 2)))):
-            x = result.vector(f"{arm}.x")[rows] * 1e3
-            plot.plot(x[:, a], x[:, b], color=colour, linestyle=style, label=label_of(arm))
-            plot.plot(x[:1, a], x[:1, b], "o", color=colour, markersize=4)
-        plot.set_xlabel(f"{'xyz'[a]} [mm]")
-        plot.set_ylabel(f"{'xyz'[b]} [mm]")
-        plot.set_aspect("equal", adjustable="datalim")
-    axes[0, 0].legend(loc="best")
-    return to_svg(fig)
+def _tips(result: Result) -> Figure:
+    local, remote = _arms(result)
+    x_l, x_r = 1e3 * result.vector(f"{local}.x"), 1e3 * result.vector(f"{remote}.x")
+    plots = [
+        Plot(
+            curves(result.time, {local: x_l[:, i], remote: x_r[:, i]}, dashed=[remote]),
+            TIME,
+            PlotAxis(f"{name} [mm]"),
+            link="time",
+        )
+        for i, name in enumerate("xyz")
+    ]
+    apart = {"distance": np.linalg.norm(x_l - x_r, axis=1)}
+    plots.append(Plot(curves(result.time, apart, [Colour.INK]), TIME, PlotAxis("|x_l − x_r| [mm]"), link="time"))
+    return Figure(plots, "Tip positions of the local and the remote arm, and the distance between them.", name="tips")
+
+
+def _paths(result: Result) -> Figure:
+    plots = []
+    tips = {arm: 1e3 * result.vector(f"{arm}.x") for arm in _arms(result)}
+    for a, b in ((0, 1), (2, 1), (0, 2)):
+        series = []
+        for (arm, x), colour, dash in zip(tips.items(), COLOURS, ((), (6, 3))):
+            series.append(Series(arm, x[:, a], x[:, b], colour, dash=dash))
+            series.append(Series("", x[:1, a], x[:1, b], colour, Mark.POINTS, size=7.0))
+        axes = PlotAxis(f"{'xyz'[a]} [mm]"), PlotAxis(f"{'xyz'[b]} [mm]")
+        plots.append(Plot(series, *axes, height=250, equal=True))
+    return Figure(plots, "Paths of the tips; a dot is a start.", columns=3, name="paths")
 
 
 def _vectors(result: Result, unit: str, skip: tuple[str, ...] = ()) -> list[str]:
@@ -291,67 +280,44 @@ def _forces(result: Result) -> Section | None:
     for unit, what in (("N", "Forces"), ("N.m", "Torques")):
         names = _vectors(result, unit)
         if names:
-            figures.append(Figure(to_svg(_stack(result, names)), f"{what}, one curve per axis."))
+            figures.append(stack(result, names, f"{what}, one curve per axis.", what.lower()))
     return Section("Forces", "", figures=figures) if figures else None
 
 
+_AGES = {
+    "age": ("age of what is received", Colour.GREEN),
+    "delay_now": ("delay of the law", Colour.GREY),
+}
+
+
 def _delays(result: Result) -> Section | None:
-    names = [n for n in _vectors(result, "s") if stem(n).rpartition(".")[2] in ("delay_now", "age")]
+    names = [n for n in _vectors(result, "s") if stem(n).rpartition(".")[2] in _AGES]
     if not names:
         return None
-    rows = _thin(result)
-    channels = list(dict.fromkeys(name.partition(".")[0] for name in names))
-    fig, axes = figure(len(channels), 1, 9.5, 0.6 + 1.7 * len(channels))
-    for plot, channel in zip(axes[:, 0], channels):
-        for name, colour, label in (("age", GREEN, "age of what is received"), ("delay_now", GREY, "delay of the law")):
-            if f"{channel}.{name}" in result.signals:
-                values = result.signals[f"{channel}.{name}"][rows]
-                plot.plot(
-                    result.time[rows],
-                    values,
-                    color=colour,
-                    label=label,
-                    linewidth=1.0,
-                    zorder=2 if name == "age" else 3,
-                )
-        plot.set_ylabel(f"{channel} [s]")
-    _legend(axes[0, 0], 2)
-    _share_time(axes[:, 0])
-    return Section("Delays", "", figures=[Figure(to_svg(fig), "Delays of the channels.")])
+    plots = []
+    for channel in dict.fromkeys(name.partition(".")[0] for name in names):
+        kinds = [kind for kind in _AGES if f"{channel}.{kind}" in result.signals]
+        values = {_AGES[kind][0]: result.signals[f"{channel}.{kind}"] for kind in kinds}
+        series = curves(result.time, values, [_AGES[kind][1] for kind in kinds])
+        plots.append(Plot(series, TIME, PlotAxis("delay [s]"), title=channel, link="time"))
+    return Section("Delays", "", figures=[Figure(plots, "Delays of the channels.", name="delays")])
 
 
 def _others(result: Result) -> Section | None:
     names = [name for unit in ("rad",) for name in _vectors(result, unit) if name.rpartition(".")[2] == "q"]
     if not names:
         return None
-    return Section("Joints", "", figures=[Figure(to_svg(_stack(result, names)), "Joint angles (q2 and q3 absolute).")])
+    absolute = any(c.model == "PhantomArm" for c in result.scenario.components.values())
+    what = "Joint angles (q2 and q3 of a PHANToM are absolute)." if absolute else "Joint angles."
+    return Section("Joints", "", figures=[stack(result, names, what, "joints")])
 
 
-def _stack(result: Result, names: list[str]) -> MplFigure:
-    """One panel per signal, its elements as curves."""
-    groups, names, rows = grouped(result.signals), names[:8], _thin(result)
-    fig, axes = figure(len(names), 1, 9.5, 0.6 + 1.45 * len(names))
-    for plot, name in zip(axes[:, 0], names):
-        values, unit = result.vector(name)[rows], result.units[groups[name][0]]
-        for column in range(values.shape[1]):
-            label = "xyz"[column] if unit == "N" and values.shape[1] == 3 else str(column + 1)
-            plot.plot(result.time[rows], values[:, column], color=COLOURS[column % len(COLOURS)], label=label)
-        plot.set_title(name)
-        plot.set_ylabel(unit.replace(".", "·"))
-    if len(groups[names[0]]) > 1:
-        _legend(axes[0, 0], 3)
-    _share_time(axes[:, 0])
-    return fig
-
-
-def _legend(plot: Axes, columns: int) -> None:
-    """A legend above the panel, at its right end."""
-    plot.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=columns)
-
-
-def _share_time(axes: np.ndarray) -> None:
-    for plot in axes:
-        plot.margins(x=0.01)
-    for plot in axes[:-1]:
-        plot.tick_params(labelbottom=False)
-    axes[-1].set_xlabel("time [s]")
+def stack(result: Result, names: list[str], caption: str = "", file: str = "signals") -> Figure:
+    """One plot a signal, of at most eight, its elements as curves."""
+    groups, plots = grouped(result.signals), []
+    for name in names[:8]:
+        values, unit = result.vector(name), result.units[groups[name][0]]
+        labels = "xyz" if unit == "N" and values.shape[1] == 3 else [str(k + 1) for k in range(values.shape[1])]
+        series = curves(result.time, dict(zip(labels, values.T)))
+        plots.append(Plot(series, TIME, PlotAxis(f"[{unit.replace('.', '·')}]"), name, link="time"))
+    return Figure(plots, caption, name=file)

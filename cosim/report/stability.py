@@ -9,8 +9,8 @@ from cosim.analysis.linearisation import LinearLoop
 from cosim.analysis.margin import loci
 from cosim.analysis.spectrum import DelayFamily, abscissa, roots
 from cosim.errors import InputError, Problem
-from cosim.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Axes, MplFigure, figure, to_svg
-from cosim.report.html import Figure, Report, Section, Table
+from cosim.report.html import Report, Section, Table
+from cosim.report.plots import COLOURS, Colour, Figure, Guide, Mark, Plot, PlotAxis, Series, curves
 from cosim.results.provenance import command_line, provenance
 
 
@@ -88,20 +88,24 @@ def _says(holds: bool) -> str:
 
 
 def _linear(found: Comparison, loop: LinearLoop) -> list[Section]:
-    family = loop.family()
-    if family is None or found.theory.abscissa is None:
+    if loop.family() is None or found.theory.abscissa is None:
         return []
-    text = (
-        "Left: characteristic loci of the loop opened at the channels, with the "
-        "exact delay; they pass -1 at zero frequency because the free "
-        "loop is neutral against a common displacement. Middle: rightmost "
-        "roots. Right: growth rate against constant delay."
-    )
-    drawn = Figure(to_svg(loop_figure(found, loop)), "Nyquist, spectrum, growth rate")
-    return [Section("The linearised loop", text, figures=[drawn])]
+    figure = loop_figure(found, loop)
+    text = "Characteristic loci of the loop opened at the channels, with the exact delay; rightmost roots; growth rate."
+    if _starts_at_minus_one(figure.plots[0]):
+        text += (
+            " The loci pass -1 at zero frequency because the free loop is neutral against a common displacement: "
+            "nothing holds both arms to one place."
+        )
+    return [Section("The linearised loop", text, figures=[figure])]
 
 
-def loop_figure(found: Comparison, loop: LinearLoop) -> MplFigure:
+def _starts_at_minus_one(nyquist: Plot) -> bool:
+    """Whether a locus begins at -1; at its lowest frequency w the real part differs by O(w^2)."""
+    return any(abs(s.x[0] + 1) < 1e-3 and abs(s.y[0]) < 0.05 for s in nyquist.series if s.mark is Mark.LINE)
+
+
+def loop_figure(found: Comparison, loop: LinearLoop) -> Figure:
     """Characteristic loci, rightmost roots and growth rate against constant delay.
 
     Raises InputError where the loop has no spectrum.
@@ -109,42 +113,41 @@ def loop_figure(found: Comparison, loop: LinearLoop) -> MplFigure:
     family = loop.family()
     if family is None or found.theory.abscissa is None:
         raise InputError(Problem("plot", "a loop with a spectrum", "one without", "see notes in stability.json"))
-    fig, axes = figure(1, 3, width=10.5, height=3.6)
-    _nyquist(axes[0, 0], found, family)
-    _roots(axes[0, 1], loop)
-    _against_delay(axes[0, 2], found, family)
-    return fig
+    plots = [_nyquist(found, family), _roots(loop), _against_delay(found, family)]
+    return Figure(plots, "Nyquist, spectrum, growth rate against a constant delay.", columns=3, name="loop")
 
 
-def _nyquist(axes: Axes, found: Comparison, family: DelayFamily) -> None:
-    for k, locus in enumerate(loci(family, max(found.theory.delays))[:3]):
-        axes.plot(locus.response.real, locus.response.imag, color=(BLUE, ORANGE, GREEN)[k], label=f"locus {k + 1}")
-    axes.plot([-1], [0], "+", color=RED, markersize=10)
-    axes.set(xlabel="Re L [1]", ylabel="Im L [1]", title="Characteristic loci", xlim=(-2, 1.5), ylim=(-1.75, 1.75))
-    axes.legend(loc="upper right")
+def _nyquist(found: Comparison, family: DelayFamily) -> Plot:
+    responses = [locus.response for locus in loci(family, max(found.theory.delays))[:3]]
+    series = [Series(f"locus {k + 1}", r.real, r.imag, COLOURS[k]) for k, r in enumerate(responses)]
+    series.append(Series("-1", np.array([-1.0]), np.zeros(1), Colour.RED, Mark.POINTS, symbol="+", size=10.0))
+    return Plot(
+        series, PlotAxis("Re L [1]", (-2, 1.5)), PlotAxis("Im L [1]", (-1.75, 1.75)), "Characteristic loci", height=260
+    )
 
 
-def _roots(axes: Axes, loop: LinearLoop) -> None:
+def _roots(loop: LinearLoop) -> Plot:
     found = roots(loop.system())
-    axes.axvline(0, color=BLACK, linewidth=0.8)
-    for sign in (1, -1):
-        axes.plot(found.real, sign * found.imag, "o", color=BLUE, markersize=4)
-    axes.set(xlabel="Re s [1/s]", ylabel="Im s [rad/s]", title="Rightmost roots")
+    both = np.concatenate([found, found.conj()])
+    series = [Series("roots", both.real, both.imag, Colour.BLUE, Mark.POINTS, size=6.0)]
+    guide = Guide(0.0, Colour.INK, upright=True)
+    return Plot(series, PlotAxis("Re s [1/s]"), PlotAxis("Im s [rad/s]"), "Rightmost roots", height=260, guides=[guide])
 
 
-def _against_delay(axes: Axes, found: Comparison, family: DelayFamily) -> None:
+def _against_delay(found: Comparison, family: DelayFamily) -> Plot:
     limit = found.max_delay if found.max_delay and np.isfinite(found.max_delay) else None
     top = 1.5 * max([d for d in (*found.theory.delays, limit) if d] + [0.1])
     delays = np.linspace(0.0, top, 25)
-    axes.plot(delays, [abscissa(family.at(d)) for d in delays], color=BLUE, label="spectrum")
-    axes.axhline(0, color=BLACK, linewidth=0.8)
+    series = curves(delays, {"spectrum": np.array([abscissa(family.at(d)) for d in delays])})
+    guides = [Guide(0.0, Colour.INK)]
     if limit:
-        axes.axvline(limit, color=GREY, linestyle="--", label=f"boundary {limit:.4g} s")
+        guides.append(Guide(limit, Colour.GREY, (6, 3), upright=True, name=f"boundary {limit:.4g} s"))
     judged = found.judged
     if judged.growth_rate is not None and found.theory.constant:
-        axes.plot([found.theory.delays[0]], [judged.growth_rate], "s", color=RED, label="co-simulation")
-    axes.set(xlabel="constant delay each way [s]", ylabel="growth rate [1/s]", title="Growth rate")
-    axes.legend(loc="lower right")
+        x, y = np.array([found.theory.delays[0]]), np.array([judged.growth_rate])
+        series.append(Series("co-simulation", x, y, Colour.RED, Mark.POINTS, symbol="s", size=7.0))
+    axes = PlotAxis("constant delay each way [s]"), PlotAxis("growth rate [1/s]")
+    return Plot(series, *axes, "Growth rate", height=260, guides=guides)
 
 
 def _read(found: Comparison) -> Section:

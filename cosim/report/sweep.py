@@ -3,52 +3,39 @@ command.
 """
 
 from collections import Counter
-from collections.abc import Sequence
 
 import numpy as np
 
 from cosim.analysis.evidence import StabilityEvidence
 from cosim.errors import InputError, Problem
-from cosim.report.canvas import (
-    BLACK,
-    BLUE,
-    COLOURS,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    Axes,
-    FigureBase,
-    MplFigure,
-    figure,
-    to_svg,
-)
-from cosim.report.html import Code, Figure, Report, Section, Table
+from cosim.report.html import Code, Report, Section, Table
+from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series
 from cosim.results.provenance import command_line, versions
+from cosim.scenario import load_scenario
 from cosim.sweeps.campaign import Campaign, Curve
 from cosim.sweeps.curves import theory_curves
 from cosim.sweeps.points import Point, PointResult, replay
 from cosim.sweeps.shares import shares
-from cosim.sweeps.spec import Axis, MonteCarlo
+from cosim.sweeps.spec import Axis, MonteCarlo, Scale
 from cosim.sweeps.table import settings
 
 # One colour and one shape an outcome: readable without colours, and by every kind of colour vision.
 _MARKS = {
-    "converged": (BLUE, "o"),
-    "growing": (ORANGE, "^"),
-    "diverged": (ORANGE, "X"),
-    "limit_cycle": (PURPLE, "D"),
-    "bounded": (SKY, "s"),
-    "limit_hit": (PURPLE, "v"),
-    "domain_exit": (PURPLE, "P"),
-    "inconclusive": (GREY, "*"),
-    "failed": (BLACK, "x"),
+    "converged": (Colour.BLUE, "o"),
+    "growing": (Colour.ORANGE, "^"),
+    "diverged": (Colour.ORANGE, "X"),
+    "limit_cycle": (Colour.PURPLE, "D"),
+    "bounded": (Colour.SKY, "s"),
+    "limit_hit": (Colour.PURPLE, "v"),
+    "domain_exit": (Colour.PURPLE, "P"),
+    "inconclusive": (Colour.GREY, "*"),
+    "failed": (Colour.INK, "x"),
 }
-_THEORY = {
-    "delay_sum": ("delay-sum condition", "-"),
-    "sallam_eq10": ("Sallam Eq. 10 (not sufficient)", ":"),
-    "closed_form": ("exact spectrum", "--"),
-    "spectrum": ("exact spectrum at the start pose", "--"),
+_THEORY: dict[str, tuple[str, tuple[float, ...], str]] = {
+    "delay_sum": ("delay-sum condition", (), "4 B_l B_r > (T_l + T_r)² K_l K_r, sufficient"),
+    "sallam_eq10": ("Sallam Eq. 10", (1.5, 3), "as printed; it is not sufficient"),
+    "closed_form": ("exact spectrum", (7, 3), "of the linear loop, by its closed form"),
+    "spectrum": ("exact spectrum at the start pose", (7, 3), "of the loop linearised there, constant delay"),
 }
 _ROWS = 400
 
@@ -58,6 +45,7 @@ def sweep_report(campaign: Campaign) -> Report:
     sections = [
         *_maps(campaign),
         *_crossings(campaign),
+        *_described(campaign),
         *_shares(campaign),
         _evidence(campaign),
         *_audits(campaign),
@@ -69,7 +57,7 @@ def sweep_report(campaign: Campaign) -> Report:
         "versions": versions(),
         "command": command_line(),
     }
-    return Report(campaign.sweep.title or campaign.sweep.name, _verdict(campaign), sections, facts)
+    return Report(f"Sweep {campaign.sweep.name}", _verdict(campaign), sections, facts, source="sweep.h5")
 
 
 def _verdict(campaign: Campaign) -> str:
@@ -82,7 +70,20 @@ def _verdict(campaign: Campaign) -> str:
             f" With {100 * bounds[0].level:g} % confidence less than "
             f"{100 * max(a.bound for a in bounds):.2g} % of the area of any map is wrong."
         )
-    return f"{campaign.sweep.description}\n\n{said}".strip()
+    effects = f" With the effects of {campaign.sweep.effects} in every point." if campaign.sweep.effects else ""
+    return said + effects
+
+
+def _described(campaign: Campaign) -> list[Section]:
+    """What the sweep's file says of itself, and the effects that every point has."""
+    sweep = campaign.sweep
+    words = [sweep.title, sweep.description]
+    said = "\n\n".join(["The words of its file.", *words]) if any(words) else ""
+    tables = []
+    if sweep.effects:
+        names = load_scenario(campaign.task.scenario, effects=campaign.task.effects).effects
+        tables = [Table(("effects file", "effects in every point"), [(sweep.effects, ", ".join(names))])]
+    return [Section("The sweep", said, tables)] if said or tables else []
 
 
 # --- maps -------------------------------------------------------------------------------------------------------------
@@ -93,33 +94,52 @@ def _maps(campaign: Campaign) -> list[Section]:
     sweep = campaign.sweep
     if len(sweep.traced) == 2:
         figures = [_map(campaign, curve, *sweep.traced) for curve in campaign.curves[:12]]
-        return [Section("Stability map", _READING, figures=figures)]
+        return [Section("Stability map", _reading(figures), figures=figures)]
     numeric = [axis for axis in sweep.axes if axis.numeric]
     if sweep.traced or len(numeric) < 2:
         return []
-    return [
-        Section(
-            "Stability map",
-            "All points, seen along the first two numeric axes.",
-            figures=[_map(campaign, None, *numeric[:2])],
-        )
-    ]
+    figures = [_map(campaign, None, *numeric[:2])]
+    words = f"All points, seen along the first two numeric axes.\n\n{_reading(figures)}"
+    return [Section("Stability map", words, figures=figures)]
 
 
-_READING = (
-    "Circles: small disturbances die out. Triangles: they grow. The black "
-    "line is the boundary found by simulation; theory curves "
-    "lie over it (delay-sum condition: 4 B_l B_r > (T_l + T_r)² K_l K_r). Points crowd where the boundary is."
-)
+def _reading(figures: list[Figure]) -> str:
+    """How to read the maps: only of what is on them."""
+    shown = {series.name for figure in figures for plot in figure.plots for series in plot.series}
+    words = [text for outcome, text in _MEANING.items() if outcome.replace("_", " ") in shown]
+    if _BOUNDARY in shown:
+        words.append("The dark line is the boundary found by simulation; points crowd where it is")
+    words += [f"{name[0].upper()}{name[1:]}: {what}" for name, _, what in _THEORY.values() if name in shown]
+    return f"{'. '.join(words)}. A point tells its evidence, and a click copies the command that runs it again."
+
+
+_BOUNDARY = "boundary by simulation"
+_MEANING = {
+    "converged": "Circles: small disturbances die out",
+    "growing": "Triangles: they grow",
+    "bounded": "Squares: the motion stays bounded",
+    "limit_cycle": "Diamonds: they end in a cycle",
+}
 
 
 def _map(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> Figure:
     sweep = campaign.sweep
     title = curve.label if curve and curve.label else sweep.title
-    return Figure(to_svg(_map_figure(campaign, curve, x, y)), f"{title}: {len(_on_map(campaign, curve))} points")
+    chosen = _on_map(campaign, curve)
+    series = [*_points_of(campaign, chosen, x, y)]
+    for k, line in enumerate(curve.lines if curve else ()):
+        a, b = np.array(line).T
+        series.append(Series("" if k else _BOUNDARY, a, b, Colour.INK, size=2.2))
+    for k, (name, places) in enumerate(_theory(campaign, curve, x, y).items()):
+        if places:
+            label, dash, _ = _THEORY[name]
+            a, b = np.array(places).T
+            series.append(Series(label, a, b, COLOURS[(2 * k + 2) % len(COLOURS)], dash=dash, size=2.2))
+    plot = Plot(series, _plot_axis(x), _plot_axis(y), height=460)
+    return Figure([plot], f"{title}: {len(chosen)} points".removeprefix(": "), name="map")
 
 
-def plain_figure(campaign: Campaign) -> MplFigure:
+def overview(campaign: Campaign) -> Figure:
     """The figure of a sweep in one: the first map, or the crossings along its traced axis.
 
     Raises InputError for a sweep that has neither.
@@ -127,11 +147,11 @@ def plain_figure(campaign: Campaign) -> MplFigure:
     sweep = campaign.sweep
     numeric = [axis for axis in sweep.axes if axis.numeric]
     if len(sweep.traced) == 2:
-        return _map_figure(campaign, campaign.curves[0] if campaign.curves else None, *sweep.traced)
+        return _map(campaign, campaign.curves[0] if campaign.curves else None, *sweep.traced)
     if len(sweep.traced) == 1 and sweep.enumerated:
         return _crossing_figure(campaign, sweep.traced[0], sweep.enumerated[-1])
     if len(numeric) >= 2:
-        return _map_figure(campaign, None, *numeric[:2])
+        return _map(campaign, None, *numeric[:2])
     raise InputError(Problem("plot", "a sweep with two numeric axes, or a traced one", "another", "use to_dataframe()"))
 
 
@@ -146,20 +166,25 @@ def _on_map(campaign: Campaign, curve: Curve | None) -> list[tuple[Point, PointR
     ]
 
 
-def _map_figure(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> MplFigure:
-    names, chosen = [axis.name for axis in campaign.sweep.axes], _on_map(campaign, curve)
-    fig, axes = figure(1, 1, width=7.6, height=5.0)
-    plot = axes[0, 0]
-    _scatter(plot, [(p.entries[names.index(x.name)], p.entries[names.index(y.name)], f.outcome) for p, f in chosen])
-    for k, line in enumerate(curve.lines if curve else ()):
-        plot.plot(*np.array(line).T, color=BLACK, linewidth=1.6, label=None if k else "boundary by simulation")
-    for k, (name, points) in enumerate(_theory(campaign, curve, x, y).items()):
-        label, style = _THEORY[name]
-        if points:
-            plot.plot(*np.array(points).T, style, color=COLOURS[(2 * k + 2) % len(COLOURS)], linewidth=1.8, label=label)
-    _framed(plot, x, y)
-    _legend(fig)
-    return fig
+def _points_of(campaign: Campaign, chosen: list[tuple[Point, PointResult]], x: Axis, y: Axis) -> list[Series]:
+    """A cloud an outcome; each point tells its growth rate and evidence, and the command that runs it again."""
+    names = [axis.name for axis in campaign.sweep.axes]
+    columns = names.index(x.name), names.index(y.name)
+    clouds = []
+    for outcome in dict.fromkeys(f.outcome for _, f in chosen):
+        colour, symbol = _MARKS[outcome]
+        here = [(p, f) for p, f in chosen if f.outcome == outcome]
+        a, b = np.array([[float(p.entries[k]) for k in columns] for p, _ in here]).T
+        notes, commands = [_note(f) for _, f in here], [replay(campaign.sweep, p) for p, _ in here]
+        name = outcome.replace("_", " ")
+        clouds.append(Series(name, a, b, colour, Mark.POINTS, symbol=symbol, size=8.0, notes=notes, commands=commands))
+    return clouds
+
+
+def _note(found: PointResult) -> str:
+    rate = f"growth rate {found.growth_rate:+.4g} 1/s; " if np.isfinite(found.growth_rate) else ""
+    known = {e.value: e.meaning for e in StabilityEvidence}
+    return f"{rate}evidence: {known.get(found.evidence, found.evidence)}{f'; {found.message}' if found.message else ''}"
 
 
 def _theory(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> dict[str, list[tuple[float, float]]]:
@@ -172,24 +197,10 @@ def _theory(campaign: Campaign, curve: Curve | None, x: Axis, y: Axis) -> dict[s
     return theory_curves(campaign.sweep, campaign.task, x, y, entries)
 
 
-def _scatter(plot: Axes, marks: Sequence[tuple[float | str, float | str, str]]) -> None:
-    for outcome in dict.fromkeys(o for _, _, o in marks):
-        colour, shape = _MARKS[outcome]
-        places = np.array([(a, b) for a, b, o in marks if o == outcome])
-        plot.plot(
-            *places.T, shape, color=colour, markersize=4, linestyle="none", alpha=0.8, label=outcome.replace("_", " ")
-        )
-
-
-def _legend(fig: FigureBase) -> None:
-    """What is drawn, in rows below the plot, which keeps its width."""
-    fig.legend(loc="outside lower center", ncols=3, frameon=False)
-
-
-def _framed(plot: Axes, x: Axis, y: Axis) -> None:
-    plot.set(xlabel=_label(x), ylabel=_label(y), xlim=(x.low, x.high), ylim=(y.low, y.high))
-    plot.set_xscale(x.scale.value)
-    plot.set_yscale(y.scale.value)
+def _plot_axis(axis: Axis) -> PlotAxis:
+    if not axis.numeric:
+        return PlotAxis(_label(axis), names=[c.label for c in axis.choices])
+    return PlotAxis(_label(axis), (axis.low, axis.high), log=axis.scale is Scale.LOG)
 
 
 def _label(axis: Axis) -> str:
@@ -209,41 +220,27 @@ def _crossings(campaign: Campaign) -> list[Section]:
         for c in campaign.curves
     ]
     table = Table([", ".join(a.name for a in sweep.enumerated) or "-", f"boundary {_label(axis)}"], rows)
-    figures = []
-    if last is not None:
-        figures = [Figure(to_svg(_crossing_figure(campaign, axis, last)), f"Boundary along {axis.name}")]
+    figures = [] if last is None else [_crossing_figure(campaign, axis, last)]
     return [Section("Boundary", "Where the growth rate of small disturbances changes its sign.", [table], figures)]
 
 
-def _crossing_figure(campaign: Campaign, axis: Axis, last: Axis) -> MplFigure:
-    fig, axes = figure(1, 1, width=7.6, height=4.2)
-    _crossing_plot(axes[0, 0], campaign, axis, last)
-    return fig
-
-
-def _crossing_plot(plot: Axes, campaign: Campaign, axis: Axis, last: Axis) -> None:
+def _crossing_figure(campaign: Campaign, axis: Axis, last: Axis) -> Figure:
     groups: dict[str, list[tuple[float | str, float]]] = {}
     for curve in campaign.curves:
         prefix = ", ".join(str(entry) for _, entry in curve.others[:-1])
         groups.setdefault(prefix, []).extend((curve.others[-1][1], line[0][0]) for line in curve.lines)
     names = [c.label for c in last.choices]
     joined = not names and all(len(curve.lines) == 1 for curve in campaign.curves)
+    series = []
     for k, (prefix, pairs) in enumerate(groups.items()):
-        places = [names.index(a) if isinstance(a, str) else a for a, _ in pairs]
-        plot.plot(
-            places,
-            [b for _, b in pairs],
-            "o-" if joined else "o",
-            color=COLOURS[k % len(COLOURS)],
-            label=prefix or None,
-        )
-    if names:
-        plot.set_xticks(range(len(names)), names)
-    elif last.scale.value == "log":
-        plot.set_xscale("log")
-    plot.set(xlabel=_label(last), ylabel=_label(axis))
-    if len(groups) > 1:
-        _legend(plot.figure)
+        x = np.array([names.index(a) if isinstance(a, str) else a for a, _ in pairs], dtype=float)
+        y, colour = np.array([b for _, b in pairs]), COLOURS[k % len(COLOURS)]
+        series += [Series("", x, y, colour)] if joined else []
+        series.append(Series(prefix, x, y, colour, Mark.POINTS, size=6.0))
+    along = PlotAxis(_label(last), log=last.scale is Scale.LOG, names=names)
+    return Figure(
+        [Plot(series, along, PlotAxis(_label(axis)), height=320)], f"Boundary along {axis.name}", name="boundary"
+    )
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------

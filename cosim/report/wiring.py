@@ -13,7 +13,7 @@ from cosim.signals import stem
 from cosim.wiring import Hop, Wiring
 
 _WIDTH, _HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 148, 82, 124, 34, 14
-_LINE, _INK, _SOFT, _FILL = "#5b6470", "#1d2126", "#5a626d", "#f6f7f9"
+_LINE, _INK, _SOFT, _FILL = "var(--grey)", "var(--ink)", "var(--soft)", "var(--wash)"
 _ACCENT = {
     "PhantomArm": "#0072B2",
     "VariableDelayChannel": "#E69F00",
@@ -254,7 +254,7 @@ def _text(wire: Wire, x: float, y: float, anchor: str) -> str:
     if len(names) > 18:
         names = ", ".join(dict.fromkeys(label.partition(" →")[0] for label in wire.labels))
     names = names if len(names) <= 18 else names[:17] + "…"
-    style = f'text-anchor="{anchor}" font-size="10.5" paint-order="stroke" stroke="#fff" stroke-width="3"'
+    style = f'text-anchor="{anchor}" font-size="10.5" paint-order="stroke" stroke="var(--paper)" stroke-width="3"'
     full = f"<title>{escape(f'{wire.source} to {wire.target}: ' + ', '.join(wire.labels))}</title>"
     text = f'<text x="{x:g}" y="{y:g}" {style} fill="{_INK}">{full}{escape(names)}</text>'
     if wire.age:
@@ -284,7 +284,7 @@ def _draw_box(box: Box, wiring: Wiring) -> str:
     return (
         f"<g><title>{escape(box.name)}: {escape(component.kind)}</title>"
         f'<rect x="{x:g}" y="{y:g}" width="{_WIDTH}" height="{height:g}" rx="6" '
-        f'fill="{_FILL}" stroke="#c7ccd4"/>'
+        f'fill="{_FILL}" stroke="var(--edge)"/>'
         f'<rect x="{x:g}" y="{y:g}" width="5" height="{height:g}" rx="2.5" fill="{colour}"/>{"".join(text)}</g>'
     )
 

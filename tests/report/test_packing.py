@@ -117,7 +117,7 @@ def test_the_plot_library_is_the_one_whose_checksum_is_noted():
 
 def test_every_colour_has_a_tone_for_each_theme():
     style = (WEB / "page.css").read_text()
-    assert all(style.count(f"--{colour}: ") == 2 for colour in Colour)
+    assert {colour: style.count(f"--{colour}: ") for colour in Colour} == dict.fromkeys(Colour, 2)
 
 
 def test_a_script_cannot_be_closed_by_a_name():

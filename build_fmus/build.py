@@ -1,19 +1,21 @@
 """One FMU: table, sources, libraries, descriptions, zip, checks, cache."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from attrs import field, frozen
 
 from build_fmus.archive import zip_bytes
-from build_fmus.cache import builder_code, cache_folder, key_of, store
+from build_fmus.cache import builder_code, cache_folder, key_of, one_at_a_time, store
 from build_fmus.compiler import PLATFORMS, Compiler, compile_library, find_compiler, this_platform
 from build_fmus.description import describe
 from build_fmus.documentation import index_html
-from build_fmus.errors import BadRequestError, BuildError
+from build_fmus.errors import BadRequestError, BuildError, SourceError
 from build_fmus.header import header
+from build_fmus.python_class import python_fmu
 from build_fmus.scratch import workspace
-from build_fmus.sources import GENERATED, licence, model_files, model_table, models, readme_of
+from build_fmus.sources import GENERATED, home_of, is_path, licence, model_files, model_table, readme_of, source_root
 from build_fmus.table import ModelTable, StartValue, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
 
@@ -23,7 +25,7 @@ Progress = Callable[[str], None]
 @frozen
 class BuildJob:
     """What to build: a table (with its start values), FMI version, platforms; `extra` stands in for files of the
-    model.
+    model; `own`: the folder of a model that is none of ours.
     """
 
     table: ModelTable
@@ -31,14 +33,23 @@ class BuildJob:
     platforms: tuple[str, ...]
     extra: dict[str, bytes] = field(factory=dict)
     level: int = 6
+    own: Path | None = None
 
     @property
     def model(self) -> str:
         return self.table.model.name
 
     @property
+    def home(self) -> Path:
+        return self.own or source_root() / self.model
+
+    @property
     def readme(self) -> str:
-        return self.extra["README.md"].decode() if "README.md" in self.extra else readme_of(self.model)
+        if "README.md" in self.extra:
+            return self.extra["README.md"].decode()
+        if self.own and not (self.own / "README.md").is_file():
+            return f"# {self.model}\n\n{self.table.model.description}\n"
+        return readme_of(self.home)
 
     @property
     def code(self) -> dict[str, bytes]:
@@ -54,14 +65,38 @@ def fmu_path(
 ) -> Path:
     """The FMU of a model, from the cache or built now; `start`: other start values, compiled in and in the XML.
 
-    Raises BuildError for an unknown model, platform or variable, and where it cannot be built.
+    model: the name of one of ours, or the path of a folder with a model.toml or of a Python file with a class for
+    pythonfmu, which is built again whenever one of its files has changed. Raises BadRequestError for an unknown model,
+    platform or variable and for a mistake in a model that is none of ours, BuildError where it cannot be built.
     """
-    if model not in models():
-        raise BadRequestError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
-    table = model_table(model)
-    if table.model.name != model:
-        raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
-    return build(BuildJob(override(table, start) if start else table, fmi, check_platforms(platforms)), progress)
+    if model.endswith(".py"):
+        return python_fmu(Path(model), progress)
+    own = home_of(model) if is_path(model) else None
+    try:
+        table = model_table(model)
+        if own is None and table.model.name != model:
+            raise BuildError(f"{model}/model.toml names the model {table.model.name!r}")
+        table = override(table, start) if start else table
+        return build(BuildJob(table, fmi, check_platforms(platforms), own=own), progress)
+    except SourceError as error:
+        if own is None:
+            raise
+        raise BadRequestError(pointed(problem, own) for problem in error.problems) from error
+
+
+def pointed(text: str, folder: Path) -> str:
+    """A compiler's message with the user's own files by their full names, so that an editor finds line and column."""
+    mine = {path.name: str(path) for path in folder.iterdir()}
+    first, *lines = text.splitlines()
+    if " does not compile for " not in first:
+        return text
+    told = [line for line in lines if not line.startswith(("In file included", "("))]
+    found = _PLACE.sub(lambda m: f"{mine.get(m['name'], m['name'])}:{m['line']}", "\n".join(told))
+    return f"{folder.name} does not compile:\n{found}"
+
+
+_PLACE = re.compile(r"(?<![\w./\\-])(?:\./)?(?P<name>[\w.-]+\.[ch]):(?P<line>\d+)(?=[:,])")
+"""`law.h:12:` of a compiler's message."""
 
 
 def check_platforms(platforms: Sequence[str] | None) -> tuple[str, ...]:
@@ -82,11 +117,12 @@ def build(job: BuildJob, progress: Progress | None = None) -> Path:
     compiler, folder = find_compiler(), cache_folder()
     sources = source_files(job)
     path = folder / "fmus" / _key(job, sources, compiler) / f"{job.model}.fmu"
-    if not path.is_file():
-        if progress:
-            progress(f"building {job.model}.fmu (FMI {job.fmi}, {', '.join(job.platforms)}){_patience(job)}")
-        files = _packed(job, sources) | _libraries(job, sources, compiler, folder)
-        _keep(path, zip_bytes(files, job.level))
+    with one_at_a_time(path):
+        if not path.is_file():
+            if progress:
+                progress(f"building {job.model}.fmu (FMI {job.fmi}, {', '.join(job.platforms)}){_patience(job)}")
+            files = _packed(job, sources) | _libraries(job, sources, compiler, folder)
+            keep(path, zip_bytes(files, job.level))
     return path
 
 
@@ -95,7 +131,7 @@ def _patience(job: BuildJob) -> str:
     return "; the first one for Windows takes minutes" if "x86_64-windows" in job.platforms else ""
 
 
-def _keep(path: Path, data: bytes) -> None:
+def keep(path: Path, data: bytes) -> None:
     """Into the cache, if it is a valid FMU."""
     from build_fmus.validation import problems_of
 
@@ -112,7 +148,7 @@ def source_files(job: BuildJob) -> dict[str, bytes]:
     """Every file of the sources folder, the generated table included. Its first line is the instantiation token: a hash
     of the sources and of the table with its start values.
     """
-    files = model_files(job.model, job.fmi, job.code)
+    files = model_files(job.home, job.fmi, job.code)
     table = header(job.table, files["model.c"])
     token = key_of(table, *(x for n in sorted(files) for x in (n, files[n])))[:36]
     return files | {GENERATED: f'#define MODEL_TOKEN "{{{token}}}"\n{table}'.encode()}

@@ -5,13 +5,13 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
 from build_fmus.errors import BuildError
-from build_fmus.scratch import abandoned, held, workspace
+from build_fmus.scratch import abandoned, fcntl, held, workspace
 
 
 def cache_folder() -> Path:
@@ -114,6 +114,25 @@ def store(path: Path, data: bytes) -> None:
             raise
     except OSError as error:
         raise BuildError(f"cannot write {path}: {error.strerror or error}; free space, or set COSIM_CACHE") from error
+
+
+@contextmanager
+def one_at_a_time(path: Path) -> Iterator[None]:
+    """Work on a file that is not there: another process that wants the same one waits, and then finds it.
+
+    Nobody waits where the file is there, nor on Windows, where both would do the work.
+    """
+    if path.is_file() or fcntl is None:
+        yield
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_name(".lock").open("ab")
+    except OSError as error:
+        raise BuildError(f"cannot write {path}: {error.strerror or error}; free space, or set COSIM_CACHE") from error
+    with lock:
+        fcntl.flock(lock.fileno(), fcntl.LOCK_EX)  # freed when the file is closed, or the process dies
+        yield
 
 
 def _clear(path: Path) -> None:

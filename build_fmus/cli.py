@@ -1,23 +1,23 @@
 """The command `build-fmus`."""
 
-import os
 import signal
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from build_fmus.errors import BadRequestError, BuildError
-from build_fmus.running import RUNNING
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def build_fmus(
-    model: Annotated[list[str] | None, typer.Argument(help="Models to build; all where none is named.")] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Argument(help="Models, by name or by the path of a folder; all of ours by default."),
+    ] = None,
     fmi: Annotated[int | None, typer.Option(help="FMI version, 2 or 3; both where none is named.")] = None,
     platform: Annotated[
         list[str] | None,
@@ -46,36 +46,10 @@ def _exit_code(error: BaseException) -> int:
 
 def build_all(wanted: list[str], versions: list[int], platforms: list[str], out: Path) -> list[str]:
     """Build and copy; one line for each FMU. Raises BuildError."""
-    from build_fmus.build import check_platforms, fmu_path
-    from build_fmus.sources import models
+    from build_fmus.several import built
 
-    platforms = list(check_platforms(platforms))
-    pairs = [(name, version) for version in versions for name in wanted or models()]
-
-    def one(pair: tuple[str, int]) -> str:
-        name, version = pair
-        built = fmu_path(name, version, platforms, lambda text: print(text, file=sys.stderr, flush=True))
-        return copy(built, out / f"fmi{version}" / f"{name}.fmu")
-
-    pool = ThreadPoolExecutor(min(4, os.cpu_count() or 1))
-    try:
-        return list(pool.map(one, pairs))
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        RUNNING.stop()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        RUNNING.resume()
-
-
-def copy(built: Path, target: Path) -> str:
-    """Copy a built FMU to where it was asked for; a line for the user."""
-    from build_fmus.cache import store
-
-    data = built.read_bytes()
-    store(target, data)
-    return f"{target}  {len(data) / 1024:.0f} kB"
+    files = built(wanted, versions, platforms, out, lambda text: print(text, file=sys.stderr, flush=True))
+    return [f"{file}  {file.stat().st_size / 1024:.0f} kB" for file in files]
 
 
 def platforms_apart(words: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from attrs import frozen
 
-from build_fmus.errors import BuildError
+from build_fmus.errors import BuildError, SourceError
 from build_fmus.running import RUNNING
 
 FLAGS = (
@@ -30,6 +30,9 @@ FLAGS = (
     "-fPIC",
     "-g0",
 )
+
+
+_MOST_TEXT = 4000  # signs of a compiler's messages, which begin with the first error
 
 
 @frozen
@@ -121,7 +124,7 @@ def compile_library(
     cache: Path,
     extra: Sequence[str] = (),
 ) -> None:
-    """Compile the file `main` of the folder `sources` into a shared library. Raises BuildError with the messages."""
+    """Compile the file `main` of the folder `sources` into a shared library. Raises SourceError with the messages."""
     if not compiler.cross and chosen.name != this_platform():
         raise BuildError(f"CC compiles for this machine only, not for {chosen.name}; unset CC to compile with zig")
     command = [*compiler.command, *compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)]
@@ -132,5 +135,5 @@ def compile_library(
     if done.returncode and ("NoSpaceLeft" in done.stderr or "No space left" in done.stderr):
         raise BuildError(f"no space left to compile, in {cache} or {sources}; free space, or set COSIM_CACHE or TMPDIR")
     if done.returncode:
-        text = done.stderr.strip()[-4000:] or f"exit status {done.returncode}"
-        raise BuildError(f"{main} does not compile for {chosen.name}:\n{text}\n({shlex.join(command)} in {sources})")
+        text = done.stderr.strip()[:_MOST_TEXT] or f"exit status {done.returncode}"
+        raise SourceError(f"{main} does not compile for {chosen.name}:\n{text}\n({shlex.join(command)} in {sources})")

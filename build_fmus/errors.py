@@ -16,3 +16,7 @@ class BuildError(Exception):
 
 class BadRequestError(BuildError):
     """What was asked for does not exist: a model, platform, FMI version or variable (exit code 2)."""
+
+
+class SourceError(BuildError):
+    """What a model is built from is wrong: its table, its C code, or a file that is included and not there."""

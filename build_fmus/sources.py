@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from build_fmus.errors import BuildError
-from build_fmus.table import ModelTable, load_table
+from build_fmus.errors import BadRequestError, BuildError, SourceError
+from build_fmus.table import ModelTable, load_table, suggestion
 
 GENERATED = "model_table.h"
 INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"', re.MULTILINE)
@@ -26,26 +26,42 @@ def models() -> list[str]:
     return sorted(path.parent.name for path in source_root().glob("*/model.toml"))
 
 
+def is_path(model: str) -> bool:
+    """Whether a model is named by its folder or Python file, `./MyController`, and not as one of ours."""
+    return "/" in model or "\\" in model or model in (".", "..") or model.endswith(".py")
+
+
+def home_of(model: str) -> Path:
+    """The folder of a model: one of ours by its name, any by its path. Raises BadRequestError where there is none."""
+    if not is_path(model):
+        if model not in models():
+            raise BadRequestError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
+        return source_root() / model
+    if not (Path(model) / "model.toml").is_file():
+        raise BadRequestError(f"{model}: no folder of a model (model.toml, model.c); `cosim new controller` writes one")
+    return Path(model).resolve()
+
+
 def model_table(model: str) -> ModelTable:
-    """The variable table of one of our models; read again where a table of the sources has changed."""
-    root = source_root()
-    path = root / model / "model.toml"
-    return _table(path, tuple(p.stat().st_mtime_ns for p in (path, *root.glob("shared/*.toml")) if p.is_file()))
+    """The variable table of a model; read again where a table of the sources has changed. Raises BuildError."""
+    path = home_of(model) / "model.toml"
+    read = (path, *source_root().glob("shared/*.toml"))
+    return _table(path, tuple(p.stat().st_mtime_ns for p in read if p.is_file()))
 
 
 @lru_cache(maxsize=32)
 def _table(path: Path, changed: tuple[int, ...]) -> ModelTable:
-    return load_table(path)
+    return load_table(path, source_root() / "shared")
 
 
-def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
+def model_files(home: Path, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
     """{file name: contents} of what a model compiles from: fmi2.c or fmi3.c and all its includes, in one flat folder.
 
-    `extra` stands in for files of the model's folder. The generated table is left out. Raises BuildError for an
-    include that is not found or two files of one name.
+    home: the folder of the model; `extra` stands in for files of it. The generated table is left out. Raises
+    SourceError for an include that is not found or two files of one name.
     """
     root = source_root()
-    folders = [root / model, root / "shared", _headers()]
+    folders = [home, root / "shared", _headers()]
     found: dict[str, Path] = {}
     files: dict[str, bytes] = {}
     waiting = [(root / "shared", f"fmi{fmi}.c")]
@@ -55,12 +71,12 @@ def model_files(model: str, fmi: int, extra: Mapping[str, bytes] | None = None) 
         if name == GENERATED:
             continue
         if extra and name in extra:
-            waiting += [(root / model, match.decode()) for match in INCLUDE.findall(extra[name]) if name not in files]
+            waiting += [(home, match.decode()) for match in INCLUDE.findall(extra[name]) if name not in files]
             files[name] = INCLUDE.sub(_flat, extra[name])
             continue
         path = _resolve(wanted, [folder, *folders])
         if found.setdefault(name, path) != path:
-            raise BuildError(f"{model}: two source files share a name: {found[name]} and {path}")
+            raise SourceError(f"{home.name}: two source files share a name: {found[name]} and {path}")
         if name not in files:
             data = path.read_bytes()
             files[name] = INCLUDE.sub(_flat, data)
@@ -72,7 +88,7 @@ def _resolve(wanted: str, folders: list[Path]) -> Path:
     for folder in folders:
         if (folder / wanted).is_file():
             return (folder / wanted).resolve()
-    raise BuildError(f"{folders[0]}: the included file {wanted} is not there")
+    raise SourceError(f"{folders[0]}: the included file {wanted} is not there")
 
 
 def _flat(match: re.Match[bytes]) -> bytes:
@@ -88,11 +104,11 @@ def _headers() -> Path:
     return folder
 
 
-def readme_of(model: str) -> str:
-    """README.md of the model: its equations. Raises BuildError where it is missing."""
-    path = source_root() / model / "README.md"
+def readme_of(home: Path) -> str:
+    """README.md of a model: its equations. Raises SourceError where it is missing."""
+    path = home / "README.md"
     if not path.is_file():
-        raise BuildError(f"{path} is missing: the equations of the model belong into its FMU")
+        raise SourceError(f"{path} is missing: the equations of the model belong into its FMU")
     return path.read_text(encoding="utf-8")
 
 

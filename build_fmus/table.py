@@ -12,7 +12,7 @@ from typing import Literal
 import cattrs
 from attrs import evolve, field, fields, frozen
 
-from build_fmus.errors import BadRequestError, BuildError
+from build_fmus.errors import BadRequestError, BuildError, SourceError
 from build_fmus.units import exponents
 
 Causality = Literal["input", "output", "parameter", "tunable", "state", "local"]
@@ -198,25 +198,29 @@ class ModelTable:
         return [(s, self.references(s.variable.derivative)[s.index]) for s in self.of("state")]
 
 
-def load_table(path: Path) -> ModelTable:
-    """Read and check `model.toml` with the rows that it includes. Raises BuildError with every problem."""
+def load_table(path: Path, shared: Path | None = None) -> ModelTable:
+    """Read and check `model.toml` with the rows that it includes, from files beside it or from the folder `shared`.
+
+    Raises SourceError with every problem.
+    """
     data = _read(path)
     problems = [f"{path}: {problem}" for problem in _unknown_keys(data)]
     for include in data.pop("include", []):
-        part = _read(path.parent / include["file"])
+        beside = path.parent / include["file"]
+        part = _read(beside if beside.is_file() or shared is None else shared / include["file"])
         problems += [f"{include['file']}: {problem}" for problem in _unknown_keys(part)]
         size = {"size": include["size"]} if "size" in include else {}
         for key in ("variable", "private"):
             data.setdefault(key, []).extend({**row, **size} for row in part.get(key, []))
     if problems:
-        raise BuildError(problems)
+        raise SourceError(problems)
     try:
         table = _converter().structure(data, ModelTable)
     except Exception as error:
-        raise BuildError(f"{path}: {text}" for text in cattrs.transform_error(error)) from error
+        raise SourceError(f"{path}: {text}" for text in cattrs.transform_error(error)) from error
     problems = list(check(table))
     if problems:
-        raise BuildError(f"{path}: {problem}" for problem in problems)
+        raise SourceError(f"{path}: {problem}" for problem in problems)
     return table
 
 
@@ -232,7 +236,7 @@ def _read(path: Path) -> dict:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, tomllib.TOMLDecodeError) as error:
-        raise BuildError(f"{path}: {error}") from error
+        raise SourceError(f"{path}: {error}") from error
 
 
 def _unknown_keys(data: dict) -> Iterable[str]:
@@ -259,6 +263,8 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 
 def check(table: ModelTable) -> Iterable[str]:
     """Every contradiction in the table."""
+    if not re.fullmatch(r"[A-Za-z_]\w*", table.model.name, re.ASCII):
+        yield f"{table.model.name!r} is no name for a model (a C identifier)"
     names = [v.name for v in table.variable] + [p.name for p in table.private]
     for name in names:
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in RESERVED:

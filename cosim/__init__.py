@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 from cosim.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
+    from cosim.api.building import build
     from cosim.api.exporting import export
     from cosim.api.inspecting import inspect
     from cosim.api.loops import StabilityResult, stability
     from cosim.api.recordings import ClosureResult, DataSurvey, IdentificationResult, close_loop, data, identify, read
     from cosim.api.robots import RobotResult, robot
     from cosim.api.runs import RunResult, load, open_result, run
+    from cosim.api.starting import new
     from cosim.api.sweeping import SweepTable, sweep
     from cosim.engine.outcome import Outcome
     from cosim.measured import Recording
@@ -38,12 +40,14 @@ __all__ = [
     "Scenario",
     "StabilityResult",
     "SweepTable",
+    "build",
     "close_loop",
     "data",
     "export",
     "identify",
     "inspect",
     "load",
+    "new",
     "open_result",
     "read",
     "robot",
@@ -53,6 +57,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "cosim.api.building": ("build",),
     "cosim.api.exporting": ("export",),
     "cosim.api.inspecting": ("inspect",),
     "cosim.api.loops": ("StabilityResult", "stability"),
@@ -67,6 +72,7 @@ _HOMES = {
     ),
     "cosim.api.robots": ("RobotResult", "robot"),
     "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
+    "cosim.api.starting": ("new",),
     "cosim.api.sweeping": ("SweepTable", "sweep"),
     "cosim.engine.outcome": ("Outcome",),
     "cosim.measured": ("Recording",),

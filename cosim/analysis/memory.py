@@ -37,15 +37,19 @@ def looped(wiring: Wiring) -> set[str]:
 def static_by_source(wiring: Wiring, name: str) -> bool:
     """Whether the component is built from our sources and these keep nothing: no private memory, nothing sampled."""
     model = wiring.scenario.components[name].model
-    return model is not None and _keeps_nothing(model)
+    return model is not None and not wiring.scenario.components[name].own and _keeps_nothing(model)
 
 
 @lru_cache(maxsize=64)
 def _keeps_nothing(model: str) -> bool:
-    from build_fmus.sources import model_files, model_table
+    from build_fmus.sources import home_of, model_files, model_table
 
     table = model_table(model)
-    return table.model.kind == "sampled" and not table.private and b" sample(" not in model_files(model, 2)["model.c"]
+    return (
+        table.model.kind == "sampled"
+        and not table.private
+        and b" sample(" not in model_files(home_of(model), 2)["model.c"]
+    )
 
 
 def unseen(wiring: Wiring, name: str, fmu: LinearFmu, one: LoneFmu) -> str:

@@ -15,7 +15,7 @@ from cosim.errors import InputError, Problem
 from cosim.results.files import write_table
 from cosim.results.frames import table_frame
 from cosim.results.saving import save_files, write_json
-from cosim.sweeps.campaign import Campaign, Curve, SweepProgress, first_point, run_sweep, task_of
+from cosim.sweeps.campaign import Campaign, Curve, SweepProgress, every_choice, first_point, run_sweep, task_of
 from cosim.sweeps.evaluate import check, origin
 from cosim.sweeps.pool import function
 from cosim.sweeps.spec import Sweep, load_sweep
@@ -99,7 +99,7 @@ def _carried_out(
     said = how(spec)
     pool, words = _pool(workers, dask)
     with pool:
-        source = origin(task_of(spec), first_point(spec))
+        source = origin(task_of(spec), every_choice(spec))
         return SweepTable(run_sweep(spec, folder, pool, f"{said}; {words}", tell=progress, origin=source))
 
 

@@ -42,7 +42,7 @@ def initialise(wiring: Wiring, instances: Sequence[Instance], mark: np.ndarray |
 
 def strangers(wiring: Wiring) -> frozenset[int]:
     """Numbers of the components whose FMUs others have built."""
-    return frozenset(k for k, one in enumerate(wiring.scenario.components.values()) if one.fmu is not None)
+    return frozenset(k for k, one in enumerate(wiring.scenario.components.values()) if one.fmu or one.own)
 
 
 def _started(wiring: Wiring, instances: Sequence[Instance], schedule: Schedule, mark: np.ndarray) -> np.ndarray:

@@ -40,12 +40,12 @@ _CLOSED = "closed descriptors that are not its own"
 
 
 def runner(scenario: Scenario) -> Callable[..., Result]:
-    """`run_apart` where FMUs of others are in the scenario and the system can fork, else `run`."""
+    """`run_apart` where FMUs of others or the user's own models take part and the system can fork, else `run`."""
     return run_apart if _distrusted(scenario) else run
 
 
 def _distrusted(scenario: Scenario) -> bool:
-    return any(component.fmu for component in scenario.components.values()) and hasattr(os, "fork")
+    return any(component.fmu or component.own for component in scenario.components.values()) and hasattr(os, "fork")
 
 
 def called(

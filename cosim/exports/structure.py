@@ -56,9 +56,10 @@ def component_fmus(
     fmus = {}
     for name, component in scenario.components.items():
         try:
+            built = component.model_path(scenario.folder) if component.own else component.model
             fmus[name] = (
-                fmu_path(component.model, fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name])
-                if component.model
+                fmu_path(str(built), fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name])
+                if built and not str(built).endswith(".py")
                 else fmu_file(component, scenario)
             )
         except BuildError as error:

@@ -54,7 +54,12 @@ def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[s
             warnings = recording_warnings(component, scenario)
             found[name] = evolve(description, warnings=warnings) if warnings else description
         except InputError as error:
-            problems += [evolve(p, where=f"{scenario.name}: components.{name}: {p.where}") for p in error.problems]
+            told = {p.got for p in problems}  # a model that two components share
+            problems += [
+                evolve(p, where=f"{scenario.name}: components.{name}: {p.where}")
+                for p in error.problems
+                if p.got not in told or not component.own
+            ]
     if problems:
         raise InputError(problems)
     return found

@@ -18,7 +18,8 @@ Progress = Callable[[str], None]
 def fmu_file(component: Component, scenario: Scenario, progress: Progress | None = None) -> Path:
     """The .fmu file of a component; models and recordings are built where they are missing.
 
-    Raises InputError for a model or file that is not there, RunError where it cannot be built.
+    Raises InputError for a model or file that is not there and for a mistake in a model of the user's own, RunError
+    where it cannot be built.
     """
     from build_fmus.errors import BuildError
 
@@ -27,12 +28,39 @@ def fmu_file(component: Component, scenario: Scenario, progress: Progress | None
             return (scenario.folder / component.fmu).resolve()
         if component.recording is not None:
             return _recording(component, scenario.folder / component.recording, scenario, progress)
+        if component.own:
+            return own_model(component.model_path(scenario.folder), scenario.experiment.fmi, progress)
         return _model(component.model or "", scenario.experiment.fmi, progress)
     except BuildError as error:
         raise RunError(component.kind, None, f"cannot be built: {error}") from None
 
 
 _BUILT: dict[tuple[str, int], Path] = {}  # files of models found or built by this process
+
+
+_OWN: dict[tuple[str, int], tuple[object, Path | InputError]] = {}
+"""Models of the user's own: state of the sources, and the FMU that was made of them or what is wrong with them."""
+
+
+def own_model(path: Path, fmi: int, progress: Progress | None = None) -> Path:
+    """The FMU of a folder or Python file of the user's own, built again where a file in it has changed.
+
+    Raises InputError for a mistake in them, BuildError where nothing can be built.
+    """
+    from build_fmus.build import fmu_path
+    from build_fmus.errors import BadRequestError
+
+    state = tuple(sorted((str(file), *stamp(file)) for file in ([path] if path.is_file() else path.glob("*"))))
+    known = _OWN.get((str(path), fmi))
+    if known is None or known[0] != state or (isinstance(known[1], Path) and not known[1].is_file()):
+        try:
+            known = state, fmu_path(str(path), fmi, progress=progress)
+        except BadRequestError as error:
+            known = state, InputError(Problem("model", "one that can be built", f"this: {error}"))
+        _OWN[str(path), fmi] = known
+    if isinstance(known[1], InputError):
+        raise known[1]
+    return known[1]
 
 
 def _model(model: str, fmi: int, progress: Progress | None) -> Path:
@@ -47,7 +75,8 @@ def _built(model: str, fmi: int, progress: Progress | None) -> Path:
     from build_fmus.sources import models
 
     if model not in models():
-        raise InputError(Problem("model", "one of " + ", ".join(models()), repr(model), did_you_mean(model, models())))
+        near = did_you_mean(model, models()) or "a model of your own goes by its path, ./NAME"
+        raise InputError(Problem("model", "one of " + ", ".join(models()), repr(model), near))
     return fmu_path(model, fmi, progress=progress)
 
 

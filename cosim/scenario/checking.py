@@ -61,10 +61,22 @@ def _check_experiment(scenario: ScenarioParts, where: str) -> list[Problem]:
 
 
 def _check_file(component: Component, folder: Path, where: str) -> list[Problem]:
+    if component.own:
+        return _check_model(component.model_path(folder), f"{where}.model")
     name = component.fmu or component.recording
     if name is None or (folder / name).is_file():
         return []
     return [Problem(f"{where}.{'fmu' if component.fmu else 'recording'}", "a file", f"nothing at {folder / name}")]
+
+
+def _check_model(path: Path, where: str) -> list[Problem]:
+    """The problem of a model of the user's own that is not there."""
+    if path.suffix == ".py":
+        return [] if path.is_file() else [Problem(where, "a Python file", f"nothing at {path}")]
+    if (path / "model.toml").is_file():
+        return []
+    advice = "`cosim new controller NAME` writes such a folder"
+    return [Problem(where, "a folder with a model.toml", f"none at {path}", advice)]
 
 
 def _check_set(component: Component, where: str) -> list[Problem]:

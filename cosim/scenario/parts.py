@@ -85,8 +85,10 @@ class Experiment:
 
 @frozen
 class Component:
-    """An FMU instance: of one of our models, of a file, or of a recording (columns of a CSV, played back as y[1], y[2],
-    ...).
+    """An FMU instance: of one of our models, of the user's own, of a file, or of a recording (columns of a CSV, played
+    back as y[1], y[2], ...).
+
+    model: the name of one of ours, or the path of a folder (`./MyController`) or of a Python file of the user's.
 
     A recording's stamps are moved by `offset` [s] to the time of the run; with `repeat` it begins again at its end.
     `parameters` maps FMU parameter names (`q_start`, a list or one value for all elements, or `q_start[2]`) to values;
@@ -110,7 +112,23 @@ class Component:
     @property
     def kind(self) -> str:
         """Its model, file or recording in one word."""
-        return self.model or Path(self.fmu or self.recording or "?").stem
+        if self.model is not None and not self.own:
+            return self.model
+        return Path(self.model or self.fmu or self.recording or "?").stem or "model of this folder"
+
+    @property
+    def own(self) -> bool:
+        """Whether its model is the user's own, named by a path."""
+        from build_fmus.sources import is_path
+
+        return self.model is not None and is_path(self.model)
+
+    def model_path(self, folder: Path) -> Path:
+        """The folder or Python file of a model of the user's own, named from the scenario's folder or, where nothing
+        is there (`--set` for a shipped scenario), from the working folder.
+        """
+        place, here = folder / (self.model or ""), Path(self.model or "").resolve()
+        return here if here.exists() and not place.exists() else place
 
 
 @frozen

@@ -192,6 +192,13 @@ def first_point(sweep: Sweep) -> Point:
     return point(sweep.axes, [axis.steps()[0] for axis in sweep.axes])
 
 
+def every_choice(sweep: Sweep) -> list[Point]:
+    """The first point, and one for every further choice of an axis of choices."""
+    first = [axis.steps()[0] for axis in sweep.axes]
+    others = [[*first[:k], choice, *first[k + 1 :]] for k, axis in enumerate(sweep.axes) for choice in axis.choices[1:]]
+    return [point(sweep.axes, entries) for entries in (first, *others)]
+
+
 def _course(sweep: Sweep) -> Course:
     design = sweep.design
     if isinstance(design, (BoundaryDesign, LevelSet)):

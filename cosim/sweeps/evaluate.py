@@ -27,7 +27,7 @@ from cosim.analysis.verdict import judge
 from cosim.engine.master import Result, run
 from cosim.engine.outcome import Outcome
 from cosim.errors import RunError
-from cosim.fmu import FmuSet, open_system
+from cosim.fmu import FmuSet, describe, fmu_file, open_system
 from cosim.results.summary import tracking
 from cosim.scenario import Scenario, load_scenario, to_toml, with_parameters
 from cosim.signals import stem
@@ -59,9 +59,15 @@ class PointSetup:
 
 def setup(task: Task, point: Point) -> PointSetup:
     """The setup of a point. Raises InputError where its values do not fit the scenario."""
+    scenario, system = _at(task, point)
+    return PointSetup(point, system.wiring(scenario), system)
+
+
+def _at(task: Task, point: Point) -> tuple[Scenario, FmuSet]:
+    """The scenario with the values of the sweep and of a point, and the FMUs that it is run with."""
     scenario, system = _loaded(str(dict(point.values).get(SCENARIO, task.scenario)), task.effects)
     values = {path: value for path, value in point.values if path != SCENARIO}
-    return PointSetup(point, system.wiring(with_parameters(scenario, dict(task.set) | values)), system)
+    return with_parameters(scenario, dict(task.set) | values), system
 
 
 @lru_cache(maxsize=4)
@@ -72,7 +78,11 @@ def _loaded(name: str, effects: str | None) -> tuple[Scenario, FmuSet]:
 
 
 def check(task: Task, point: Point) -> str:
-    """How the points will be run, in words. Raises InputError where `point`, the first, does not fit the scenario."""
+    """How the points will be run, in words. Raises InputError where `point`, the first, does not fit the scenario.
+
+    What an earlier sweep has loaded is read anew: its files may have changed.
+    """
+    _loaded.cache_clear()
     wiring = setup(task, point).wiring
     others = {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}
     if task.evaluator != EVALUATORS["simulation"]:
@@ -85,10 +95,18 @@ def check(task: Task, point: Point) -> str:
     )
 
 
-def origin(task: Task, point: Point) -> str:
-    """What else decides the results: the text of the scenario at a point and the SHA-256 of every FMU."""
-    wiring = setup(task, point).wiring
-    return to_toml(wiring.scenario) + " ".join(d.sha256 for d in wiring.descriptions.values())
+def origin(task: Task, points: Sequence[Point]) -> str:
+    """What else decides the results: the text of the scenario at the first point, the SHA-256 of every FMU there, and
+    those of the user's own models at the other points, which are built here, once for all workers.
+    """
+    wiring = setup(task, points[0]).wiring
+    own = [
+        describe(fmu_file(component, scenario)).sha256
+        for scenario, _ in (_at(task, point) for point in points[1:])
+        for component in scenario.components.values()
+        if component.own
+    ]
+    return to_toml(wiring.scenario) + " ".join([d.sha256 for d in wiring.descriptions.values()] + own)
 
 
 def simulation(task: Task, points: Sequence[Point]) -> list[PointResult]:

@@ -156,7 +156,8 @@ def _unfit(part: LaneComponent, wiring: Wiring) -> str | None:
     if wiring.scenario.components[part.name].step_multiple != 1:
         return "it has a step multiple"
     if not part.model and part.inputs:
-        return f"{wiring.scenario.components[part.name].model or 'a foreign FMU'} feels what is wired into it"
+        own = wiring.scenario.components[part.name]
+        return f"{own.kind if own.model else 'a foreign FMU'} feels what is wired into it"
     if not part.model:
         return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
     return {"PhantomArm": _unfit_arm, "VariableDelayChannel": _unfit_channel}.get(part.model, _fit)(part)

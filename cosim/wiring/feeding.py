@@ -148,9 +148,9 @@ def silences(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> 
 
 
 def tool_warnings(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> list[str]:
-    """Warnings of FMUs that start another tool."""
+    """Warnings of FMUs of others that start another tool."""
     return [
         f"{name}: the FMU only works where its tool is installed{f' ({d.tool})' if d.tool else ''}: it may wait for it"
         for name in scenario.components
-        if (d := descriptions[name]).needs_tool
+        if (d := descriptions[name]).needs_tool and not scenario.components[name].own
     ]

@@ -1,14 +1,15 @@
 /* Lawrence's four channels with local force loops: a static law, README.md. */
 #include "../shared/motion.h"
 
-/* f = K (x_o - x) + D (dx_o - dx) + M ddx_o + b dx_o + g f_ext + (1 + g) f_o - B dx, o: the other arm, as received;
+/* f = K (x_o - x) + D (dx_o - dx) + c M ddx_o + b dx_o + g f_ext + (1 + g) f_o - B dx, o: the other arm, as received;
  * M ddx = f + f_ext - b dx: the own acceleration, by the model, which is sent */
 static void outputs(Model *m, double t) {
     const double g = m->force_gain;
     (void)t;
     send_motion(m);
     for (int i = 0; i < 3; i++) {
-        const double motion = m->mass[i] * m->ddx_received[i] + m->viscosity[i] * m->dx_received[i];
+        const double motion =
+            m->acceleration_share * m->mass[i] * m->ddx_received[i] + m->viscosity[i] * m->dx_received[i];
         const double force = g * m->f_ext[i] + (1.0 + g) * m->f_received[i];
         m->f[i] = coupled(m->stiffness[i], m->derivative_gain[i], m->damping[i], m->x_received[i], m->x[i],
                           m->dx_received[i], m->dx[i]) +

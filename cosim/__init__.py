@@ -14,6 +14,7 @@ from cosim.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
     from cosim.api.building import build
+    from cosim.api.comparing import ComparisonResult, compare
     from cosim.api.exporting import export
     from cosim.api.inspecting import inspect
     from cosim.api.loops import StabilityResult, stability
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ClosureResult",
+    "ComparisonResult",
     "DataSurvey",
     "IdentificationResult",
     "InputError",
@@ -42,6 +44,7 @@ __all__ = [
     "SweepTable",
     "build",
     "close_loop",
+    "compare",
     "data",
     "export",
     "identify",
@@ -58,6 +61,7 @@ __all__ = [
 
 _HOMES = {
     "cosim.api.building": ("build",),
+    "cosim.api.comparing": ("ComparisonResult", "compare"),
     "cosim.api.exporting": ("export",),
     "cosim.api.inspecting": ("inspect",),
     "cosim.api.loops": ("StabilityResult", "stability"),

@@ -33,6 +33,7 @@ COMMANDS = {
     "arm": "the arm itself: workspace, dissect, counterbalance",
     "robot": "any serial arm from its URDF: FMU, robot.json, report.html",
     "fmu": "what an FMU holds and needs",
+    "compare": "results, scenarios or sweeps side by side; exit code 1 beyond a tolerance",
     "new": "a small working start: controller, model, effect, scenario, sweep, description",
     "export": "FMUs and the wired system for other tools",
     "cache": "what is kept between runs: list, clean",

@@ -20,7 +20,7 @@ from cosim.sweeps.spec import Axis, MonteCarlo, Scale
 from cosim.sweeps.table import settings
 
 # One colour and one shape an outcome: readable without colours, and by every kind of colour vision.
-_MARKS = {
+MARKS = {
     "converged": (Colour.BLUE, "o"),
     "growing": (Colour.ORANGE, "^"),
     "diverged": (Colour.ORANGE, "X"),
@@ -172,7 +172,7 @@ def _points_of(campaign: Campaign, chosen: list[tuple[Point, PointResult]], x: A
     columns = names.index(x.name), names.index(y.name)
     clouds = []
     for outcome in dict.fromkeys(f.outcome for _, f in chosen):
-        colour, symbol = _MARKS[outcome]
+        colour, symbol = MARKS[outcome]
         here = [(p, f) for p, f in chosen if f.outcome == outcome]
         a, b = np.array([[float(p.entries[k]) for k in columns] for p, _ in here]).T
         notes, commands = [_note(f) for _, f in here], [replay(campaign.sweep, p) for p, _ in here]

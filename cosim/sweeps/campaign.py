@@ -294,6 +294,7 @@ def settings(sweep: Sweep) -> dict[str, object]:
         "scenario": sweep.scenario,
         "evaluator": sweep.evaluator,
         "set": dict(sweep.set),
+        "effects": sweep.effects,
         "design": type(sweep.design).__name__,
         **asdict(sweep.design),
         "axes": [

@@ -171,7 +171,14 @@ def test_every_main_command_has_its_function():
     from cosim.cli import COMMANDS
 
     functions = {"run": "run", "stability": "stability", "sweep": "sweep", "identify": "identify", "export": "export"}
-    functions |= {"close-loop": "close_loop", "robot": "robot", "data": "data", "fmu": "inspect", "new": "new"}
+    functions |= {
+        "close-loop": "close_loop",
+        "robot": "robot",
+        "data": "data",
+        "fmu": "inspect",
+        "new": "new",
+        "compare": "compare",
+    }
     without = {"list", "show", "arm", "cache"}  # they print what other calls know
     assert set(functions) | without == set(COMMANDS)
     assert all(callable(getattr(cosim, name)) for name in functions.values())

@@ -69,6 +69,7 @@ NEEDS = {
     "avx512": Need("a processor with AVX-512 F and DQ", _processor("avx512f", "avx512dq")),
     "libcosim": Need("libcosim (libcosimpy's binary for this platform)", _loads("libcosimpy.CosimExecution")),
     "ecos": Need("Ecos (Debian: apt install libtbb12)", _loads("ecospy")),
+    "pyfunnel": Need("pyfunnel (PyPI)", _loads("pyfunnel")),
     "exporters": Need("pythonfmu and pythonfmu3 (PyPI)", lambda: _loads("pythonfmu")() and _loads("pythonfmu3")()),
     "vdmcheck": Need("VDMCheck2 (Java, Maven, Maven Central)", _program("java", "mvn")),
     "robots": Need("pinocchio and example-robot-data (not for Windows)", _loads("pinocchio")),

@@ -18,7 +18,7 @@ _ACCENT = {
     "PhantomArm": "#0072B2",
     "VariableDelayChannel": "#E69F00",
     "PacketChannel": "#E69F00",
-    "PLikeController": "#009E73",
+    "Controller": "#009E73",
     "Operator": "#CC79A7",
     "Environment": "#D55E00",
 }
@@ -269,7 +269,8 @@ def milliseconds(age: float) -> str:
 
 def _draw_box(box: Box, wiring: Wiring) -> str:
     component = wiring.scenario.components[box.name]
-    colour = _ACCENT.get(wiring.descriptions[box.name].model, "#8a8f98")
+    model = wiring.descriptions[box.name].model
+    colour = _ACCENT.get("Controller" if model.endswith("Controller") else model, "#8a8f98")
     x, y, height = box.left, box.top, box.bottom - box.top
     lines = _facts(wiring, box.name)
     middle = y + height / 2 - 8 * (len(lines) + 1)

@@ -56,7 +56,7 @@ def _hop(wiring: Wiring, connection: Connection, units: list[ScheduledComponent]
     age = (
         Fraction(0) if linear else mean_age(experiment.algorithm, by_name[a], by_name[b], ahead, description.integrates)
     )
-    unit = wiring.descriptions[a].variables[links[0].source.variable].unit.name
+    unit = ", ".join(dict.fromkeys(wiring.descriptions[a].variables[x.source.variable].unit.name for x in links))
     return Hop(connection, len(links), unit, linear, float(age * experiment.step_ns) / 1e9)
 
 

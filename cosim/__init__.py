@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cosim.api.comparing import ComparisonResult, compare
     from cosim.api.exporting import export
     from cosim.api.inspecting import inspect
-    from cosim.api.loops import StabilityResult, stability
+    from cosim.api.loops import Hybrid, StabilityResult, stability, transparency
     from cosim.api.recordings import ClosureResult, DataSurvey, IdentificationResult, close_loop, data, identify, read
     from cosim.api.robots import RobotResult, robot
     from cosim.api.runs import RunResult, load, open_result, run
@@ -31,6 +31,7 @@ __all__ = [
     "ClosureResult",
     "ComparisonResult",
     "DataSurvey",
+    "Hybrid",
     "IdentificationResult",
     "InputError",
     "Outcome",
@@ -57,6 +58,7 @@ __all__ = [
     "run",
     "stability",
     "sweep",
+    "transparency",
 ]
 
 _HOMES = {
@@ -64,7 +66,7 @@ _HOMES = {
     "cosim.api.comparing": ("ComparisonResult", "compare"),
     "cosim.api.exporting": ("export",),
     "cosim.api.inspecting": ("inspect",),
-    "cosim.api.loops": ("StabilityResult", "stability"),
+    "cosim.api.loops": ("Hybrid", "StabilityResult", "stability", "transparency"),
     "cosim.api.recordings": (
         "ClosureResult",
         "DataSurvey",

@@ -139,7 +139,7 @@ class _Paths:
         self.channels = channels
         age = {str(hop.connection): hop.age for hop in wiring.hops}
         self.sources = {
-            str(link.target): (str(link.source.component), link.source.variable, _age(link, wiring, age), link.gain)
+            str(link.target): (str(link.source.component), link.source.variable, age_of(link, wiring, age), link.gain)
             for link in wiring.links
         }
         self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
@@ -185,7 +185,7 @@ def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
         total[way] = total.get(way, 0.0) + vector
 
 
-def _age(link: Link, wiring: Wiring, ages: Mapping[str, float]) -> float:
+def age_of(link: Link, wiring: Wiring, ages: Mapping[str, float]) -> float:
     """Age of the connection that the link is part of [s]."""
     for connection in wiring.scenario.connections:
         source, target = connection.source, connection.target

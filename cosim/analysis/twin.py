@@ -11,6 +11,7 @@ from cosim.engine.master import Result, System, run
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import RunProgress
 from cosim.engine.table import stacked
+from cosim.results.measures import measures, port_signals
 from cosim.results.summary import Judged, number, tracking
 from cosim.scenario import Scenario, with_parameters
 from cosim.signals import FmuDescription, stem
@@ -53,7 +54,12 @@ def judged_run(
     result = simulate(scenario, system, progress, record)
     wiring = system.wiring(scenario)
     plain = Judged(
-        _unjudged(result), wiring, tracking=tracking(result), notes=wiring.notes, interrupted=result.interrupted
+        _unjudged(result),
+        wiring,
+        tracking=tracking(result),
+        measures=measures(result, wiring),
+        notes=wiring.notes,
+        interrupted=result.interrupted,
     )
     twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
     if twin is None:
@@ -67,9 +73,9 @@ def _unjudged(result: Result) -> Result:
 
 
 def verdict_signals(wiring: Wiring) -> list[str]:
-    """What verdict and tracking read of a run: see `_rates`, the operator's force, and the tips of both arms."""
+    """What verdict, tracking and measures read of a run: see `_rates`, the operator's force, tips and ports."""
     arms = wiring.scenario.arms or ()
-    others = {"operator.f", *(f"{arm}.x" for arm in arms)}
+    others = {"operator.f", *(f"{arm}.x" for arm in arms), *port_signals(wiring)}
     return [*_rates(wiring.signals), *(name for name in wiring.signals if stem(name) in others)]
 
 

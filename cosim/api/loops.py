@@ -11,6 +11,8 @@ from attrs import frozen
 from cosim.analysis.comparison import Comparison, compare
 from cosim.analysis.document import document
 from cosim.analysis.linearisation import LinearLoop, at_pose
+from cosim.analysis.transparency import FREQUENCIES, Hybrid
+from cosim.analysis.transparency import transparency as hybrid_matrix
 from cosim.api.card import card
 from cosim.api.runs import load
 from cosim.engine.reference import RunProgress
@@ -37,6 +39,17 @@ def stability(
     chosen = at_pose(scenario if isinstance(scenario, Scenario) else load(scenario), pose)
     with open_system(chosen) as system:
         return StabilityResult(*compare(chosen, system, progress))
+
+
+def transparency(scenario: Scenario | str | Path, frequencies: Sequence[float] = FREQUENCIES) -> Hybrid:
+    """What the hand feels through a teleoperator, from its linear loop: hybrid matrix, Z-width, transmitted impedance.
+
+    frequencies: [Hz]. Raises InputError for a scenario without two arms that forces move, or whose FMUs keep more than
+    their linear equations tell.
+    """
+    chosen = scenario if isinstance(scenario, Scenario) else load(scenario)
+    with open_system(chosen) as system:
+        return hybrid_matrix(chosen, system, frequencies)
 
 
 @final

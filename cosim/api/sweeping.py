@@ -69,7 +69,8 @@ def described(
     found = spec if isinstance(spec, Sweep) else load_sweep(str(spec))
     chosen = found.effects if effects is None else str(Path(effects).resolve())
     own = found.evaluator if evaluator is None else _own(str(evaluator))
-    return evolve(found, set=dict(found.set) | dict(changed), effects=chosen, evaluator=own)
+    given = dict(found.changes) | dict(changed)
+    return evolve(found, set=dict(found.set) | dict(changed), effects=chosen, evaluator=own, changes=given)
 
 
 def _own(name: str) -> str:

@@ -88,17 +88,12 @@ def _summaries(found: RunsCompared) -> Section | None:
 
 def _measures(summaries: Sequence[Any]) -> list[list[str]]:
     """Rows of the measures, each with its unit, as summary.json has them."""
-    rows: dict[str, list[str]] = {}
-    for k, summary in enumerate(summaries):
-        for name, value in _flat(summary.get("measures") or {}):
-            rows.setdefault(name, ["–"] * len(summaries))[k] = cell(value, 4)
-    return [[name.replace("_", " "), *values] for name, values in rows.items()]
-
-
-def _flat(table: Any, before: str = "") -> list[tuple[str, float]]:
-    if isinstance(table, dict):
-        return [entry for key, value in table.items() for entry in _flat(value, f"{before} {key}".strip())]
-    return [(before, table)] if isinstance(table, (int, float)) else []
+    found = [summary.get("measures") or {} for summary in summaries]
+    units = {name: measure["unit"] for measures in found for name, measure in measures.items()}
+    return [
+        [f"{name.replace('_', ' ')} [{unit}]", *(cell(m[name]["value"], 4) if name in m else "–" for m in found)]
+        for name, unit in units.items()
+    ]
 
 
 def _cell(value: object, factor: float) -> str:

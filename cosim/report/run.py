@@ -11,6 +11,7 @@ from cosim.report.applications import application_sections
 from cosim.report.html import Drawing, Report, Section, Table, cell
 from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series, curves
 from cosim.report.wiring import block_diagram, milliseconds
+from cosim.results.measures import energies
 from cosim.results.provenance import provenance
 from cosim.results.summary import Judged, limit_time, simulated_time
 from cosim.signals import grouped, stem
@@ -31,6 +32,7 @@ def run_report(judged: Judged) -> Report:
         _found(judged),
         *application_sections(result),
         _tracking(result),
+        _ports(judged),
         _forces(result),
         _delays(result),
         _others(result),
@@ -70,6 +72,8 @@ def _verdict(judged: Judged) -> str:
         details.append(f"Small disturbances change at {judged.growth_rate:+.4g} 1/s{_interval(judged)}.")
     if judged.tracking is not None:
         details.append(f"The tips were {judged.tracking.total * 1e3:.3g} mm apart (RMS).")
+    if judged.result.scenario.changed:
+        details.append(f"This run is {judged.result.scenario.name} {judged.result.scenario.changed}.")
     return words + "\n\n" + " ".join(details)
 
 
@@ -107,7 +111,8 @@ def _scenario(result: Result) -> Section | None:
     scenario = result.scenario
     if not (scenario.title or scenario.description):
         return None
-    text = f"The words of its file. What was changed for this run is in the command below.\n\n{scenario.title}"
+    changed = f" This run was {scenario.changed}, which they do not tell of." if scenario.changed else ""
+    text = f"The words of its file.{changed}\n\n{scenario.title}"
     return Section("The scenario", f"{text}\n\n{scenario.description}".strip())
 
 
@@ -273,6 +278,21 @@ def _vectors(result: Result, unit: str, skip: tuple[str, ...] = ()) -> list[str]
         for name, elements in groups.items()
         if name.partition(".")[2] not in skip and any(np.any(result.signals[e] != 0.0) for e in elements)
     ]
+
+
+def _ports(judged: Judged) -> Section | None:
+    """The measures of the run, and the energies at the ports over time."""
+    if not judged.measures:
+        return None
+    rows = [(m.meaning, m.value, m.unit.replace(".", "·")) for m in judged.measures.values()]
+    found = energies(judged.result, judged.wiring)
+    series = curves(judged.result.time, found, dashed=["environment"])
+    plot = Plot(series, TIME, PlotAxis("energy [J]"), link="time")
+    figure = Figure(
+        [plot], "Energy put into the arms by hand and environment, and taken from them by the coupling.", name="energy"
+    )
+    text = "A passive coupling never gives back more than it was given and had stored at the start."
+    return Section("Ports", text, [Table(("", "", "unit"), rows, digits=4)], [figure] if found else [])
 
 
 def _forces(result: Result) -> Section | None:

@@ -30,10 +30,12 @@ def stability_report(found: Comparison, loop: LinearLoop) -> Report:
 
 def _verdict(found: Comparison) -> str:
     judged = found.judged
+    scenario = judged.result.scenario
+    changed = f"\n\nThis loop is {scenario.name} {scenario.changed}." if scenario.changed else ""
     rate = "" if judged.growth_rate is None else f" Growth rate {judged.growth_rate:+.5f} 1/s."
     return (
         f"{judged.outcome.advice[0].upper()}{judged.outcome.advice[1:]}.{rate} "
-        f"Strongest evidence: {found.evidence.meaning}."
+        f"Strongest evidence: {found.evidence.meaning}.{changed}"
     )
 
 

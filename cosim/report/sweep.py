@@ -12,6 +12,7 @@ from cosim.report.html import Code, Report, Section, Table
 from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series
 from cosim.results.provenance import command_line, versions
 from cosim.scenario import load_scenario
+from cosim.scenario.writing import toml_value
 from cosim.sweeps.campaign import Campaign, Curve
 from cosim.sweeps.curves import theory_curves
 from cosim.sweeps.points import Point, PointResult, replay
@@ -71,7 +72,8 @@ def _verdict(campaign: Campaign) -> str:
             f"{100 * max(a.bound for a in bounds):.2g} % of the area of any map is wrong."
         )
     effects = f" With the effects of {campaign.sweep.effects} in every point." if campaign.sweep.effects else ""
-    return said + effects
+    values = ", ".join(f"{path} = {toml_value(value)}" for path, value in campaign.sweep.changes.items())
+    return said + effects + (f" With {values} in every point, unlike its file." if values else "")
 
 
 def _described(campaign: Campaign) -> list[Section]:

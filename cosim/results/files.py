@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from attrs import evolve
 
 from cosim.engine.master import Identity, Result
 from cosim.engine.outcome import Outcome
@@ -23,7 +24,7 @@ from cosim.fmu.messages import FmuMessage
 from cosim.results.disk import DiskFile
 from cosim.results.provenance import provenance
 from cosim.results.saving import whole
-from cosim.scenario import load_text, to_toml
+from cosim.scenario import Scenario, load_text, to_toml
 from cosim.signals import grouped
 
 FORMAT = 1
@@ -134,7 +135,7 @@ def _read(file: Any) -> Result:  # h5py's types do not know that a member is a g
     order = json.loads(file.attrs["signals"])
     stopped = file.attrs.get("stopped_at")
     return Result(
-        load_text(file.attrs["scenario"]),
+        _scenario(file),
         Outcome(file.attrs["outcome"]),
         file["time"][...],
         {name: signals[name] for name in order},
@@ -144,6 +145,14 @@ def _read(file: Any) -> Result:  # h5py's types do not know that a member is a g
         float(file.attrs["wall_time"]),
         fmus,
         messages=tuple(FmuMessage.of(entry) for entry in json.loads(file.attrs.get("messages", "[]"))),
+    )
+
+
+def _scenario(file: Any) -> Scenario:
+    """The scenario of a result, with the effects and changes that its text does not tell."""
+    told = {key: json.loads(file.attrs.get(key, "null")) for key in ("effects", "changes")}
+    return evolve(
+        load_text(file.attrs["scenario"]), effects=tuple(told["effects"] or ()), changes=dict(told["changes"] or {})
     )
 
 

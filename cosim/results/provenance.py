@@ -33,6 +33,7 @@ def provenance(result: Result) -> dict[str, object]:
         "scenario": to_toml(result.scenario),
         "seed": result.scenario.experiment.seed,
         "effects": list(result.scenario.effects),
+        "changes": dict(result.scenario.changes),
         "fmus": [{"component": f.component, "name": f.model, "fmi": f.fmi, "sha256": f.sha256} for f in result.fmus],
         "versions": versions(),
         "command": command_line(),

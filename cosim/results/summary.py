@@ -1,12 +1,14 @@
 """What a run found, in numbers: tracking, verdict with growth rate, and the `summary.json` of the contract."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from attrs import field, frozen
 
 from cosim.engine.master import Result
 from cosim.engine.outcome import Outcome
+from cosim.results.measures import Measure
 from cosim.results.provenance import command_line, versions
 from cosim.wiring import Wiring, direction_table
 
@@ -21,7 +23,7 @@ class Tracking:
 
 @frozen
 class Judged:
-    """A run with what is known of it: wiring, growth rate [1/s] with its 95 % interval, tracking.
+    """A run with what is known of it: wiring, growth rate [1/s] with its 95 % interval, tracking, measures by name.
 
     The outcome of `result` is that of the verdict where there is one.
     """
@@ -31,6 +33,7 @@ class Judged:
     growth_rate: float | None = None
     interval: tuple[float, float] | None = None
     tracking: Tracking | None = None
+    measures: Mapping[str, Measure] = field(factory=dict)
     notes: tuple[str, ...] = field(default=(), converter=tuple)
     interrupted: bool = False
 
@@ -79,6 +82,7 @@ def summary(judged: Judged) -> dict[str, object]:
         "growth_rate": judged.growth_rate,
         "growth_rate_interval": None if judged.interval is None else list(judged.interval),
         "tracking_rmse": _tracking(judged.tracking),
+        "measures": {name: measure.to_dict() for name, measure in judged.measures.items()},
         "simulated_time": simulated_time(result),
         "stopped_at": result.stopped_at,
         "interrupted": judged.interrupted,
@@ -91,6 +95,7 @@ def summary(judged: Judged) -> dict[str, object]:
         ],
         "limit_hit_at": limit_time(result),
         "effects": list(result.scenario.effects),
+        "changes": dict(result.scenario.changes),
         "fmus": [{"component": f.component, "name": f.model, "fmi": f.fmi, "sha256": f.sha256} for f in result.fmus],
         "seed": experiment.seed,
         "versions": versions(),

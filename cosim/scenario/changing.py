@@ -10,7 +10,7 @@ from attrs import evolve, fields
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.scenario.parts import Component, ScenarioParts
 from cosim.scenario.reading import read_toml, record_of, unknown_keys
-from cosim.scenario.writing import plain
+from cosim.scenario.writing import plain, toml_value
 from cosim.signals import stem
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
@@ -51,7 +51,12 @@ def with_override(scenario: AnyScenario, text: str, problems: list[Problem]) -> 
 
 
 def assign(scenario: AnyScenario, path: str, value: object, problems: list[Problem]) -> AnyScenario:
-    """The scenario with one value changed; a problem is appended where the path leads nowhere."""
+    """The scenario with one value changed, which it remembers; a problem is appended where the path leads nowhere."""
+    changed = _assigned(scenario, path, value, problems)
+    return changed if changed is scenario else evolve(changed, changes={**scenario.changes, path: toml_value(value)})
+
+
+def _assigned(scenario: AnyScenario, path: str, value: object, problems: list[Problem]) -> AnyScenario:
     head, _, key = path.removeprefix("components.").partition(".")
     if head in ("experiment", "teleoperation"):
         return _assign_record(scenario, head, key, value, problems)

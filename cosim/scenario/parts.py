@@ -159,8 +159,8 @@ class Teleoperation:
 class ScenarioParts:
     """The content of a scenario (see `cosim.scenario.Scenario`).
 
-    folder: where relative file names start; effects: what was applied, for the reader; warnings: what its reader is
-    told whenever it is used.
+    folder: where relative file names start; effects: what was applied, and changes: values given at paths, as TOML,
+    both for the reader; warnings: what its reader is told whenever it is used.
     """
 
     name: str
@@ -173,6 +173,14 @@ class ScenarioParts:
     folder: Path = field(default=Path(), eq=False)
     effects: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    changes: Mapping[str, str] = field(factory=dict, eq=False)
+
+    @property
+    def changed(self) -> str:
+        """What was done to the scenario of the file, in words: effects and changed values; empty where nothing was."""
+        effects = f"with the effects {', '.join(self.effects)}" if self.effects else ""
+        values = ", ".join(f"{path} = {value}" for path, value in self.changes.items())
+        return " and ".join(words for words in (effects, f"with {values}" if values else "") if words)
 
     @property
     def arms(self) -> tuple[str, str] | None:

@@ -192,7 +192,9 @@ CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
 
 @frozen
 class Sweep:
-    """A sweep, described. `curves` names theory curves to draw over a map (see cosim.sweeps.curves)."""
+    """A sweep, described. `curves` names theory curves to draw over a map (see cosim.sweeps.curves); `changes`: those
+    of `set` that its file has otherwise, for the reader.
+    """
 
     name: str
     scenario: str
@@ -205,6 +207,7 @@ class Sweep:
     curves: tuple[str, ...] = ()
     effects: str | None = None
     folder: Path = field(default=Path(), eq=False)
+    changes: Mapping[str, object] = field(factory=dict, eq=False)
 
     def axis(self, name: str) -> Axis:
         """The axis of that name."""
@@ -247,7 +250,10 @@ def _find(name_or_path: str) -> Path:
 def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     """The sweep of a TOML table. Raises InputError with every problem found."""
     problems: list[Problem] = []
-    known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder")] + [*_DESIGNS, "format"]
+    known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder", "changes")] + [
+        *_DESIGNS,
+        "format",
+    ]
     unknown = [key for key in table if key not in known]
     problems += [
         Problem(f"{path.name}: {key}", "a known key", "an unknown one", did_you_mean(key, known))

@@ -1,0 +1,143 @@
+"""What a teleoperator does for the hand beside being stable: tracking, energy at its ports, effort, packets.
+
+A port is a force and the velocity of the tip that it acts on, f (n, 3) [N] and v (n, 3) [m/s], as recorded; the power
+f v goes into the arm. The hand's port is the local arm with what is wired into its `f`, the environment's the remote
+arm likewise; the coupling (controllers and channels) is the two-port between the arms' `f_command`, or `tau` [N.m] with
+dq [rad/s]. Integrals over time are by the trapezoidal rule on the recorded rows: their error falls with the square of
+the interval between rows (`record_every`).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import frozen
+
+from cosim.engine.master import Result
+from cosim.signals import stem
+from cosim.wiring import Wiring
+
+
+@frozen
+class Measure:
+    """A number with its unit and what it is, in words."""
+
+    value: float
+    unit: str
+    meaning: str
+
+    def to_dict(self) -> dict[str, object]:
+        """As summary.json has it."""
+        return {"value": self.value, "unit": self.unit}
+
+
+@frozen(eq=False)
+class PortRecord:
+    """Force and velocity of a port over time, (n, k)."""
+
+    force: np.ndarray
+    velocity: np.ndarray
+
+    def work(self, time: np.ndarray) -> np.ndarray:
+        """Energy [J] that has gone into the arm until each time (n,): the integral of f v."""
+        return _integral(np.einsum("ij,ij->i", self.force, self.velocity), time)
+
+
+def _integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])
+
+
+def energies(result: Result, wiring: Wiring) -> dict[str, np.ndarray]:
+    """Energy [J] over time (n,): what hand and environment have put into the arms, and what the coupling has taken
+    from them at both ports together; empty without two arms.
+
+    A coupling that is passive never gives back more than it was given and has stored at the start, E(t) >= -E(0)
+    (Hannaford and Ryu, Time-domain passivity control of haptic interfaces, IEEE Trans. Robotics and Automation 18,
+    2002, Eq. 3).
+    """
+    arms = result.scenario.arms
+    if arms is None:
+        return {}
+    ports = {name: port(result, wiring, arm, "f") for name, arm in zip(("hand", "environment"), arms)}
+    found = {name: p.work(result.time) for name, p in ports.items() if p is not None}
+    sides = [p for arm in arms for kind in ("f_command", "tau") if (p := port(result, wiring, arm, kind)) is not None]
+    if sides:
+        found["coupling"] = -np.sum([p.work(result.time) for p in sides], axis=0)
+    return found
+
+
+def port(result: Result, wiring: Wiring, arm: str, kind: str) -> PortRecord | None:
+    """The port of an arm at its input `f`, `f_command` or `tau`; None where nothing is wired, or it is not recorded."""
+    sources = {link.target.variable: link for link in wiring.links if link.target.component == arm}
+    links = [sources.get(f"{kind}[{k}]") for k in (1, 2, 3)]
+    names = ("dq",) if kind == "tau" else ("dx_tip", "dx")
+    moved = next((n for n in names if f"{arm}.{n}[3]" in result.signals), None)
+    if moved is None or any(link is None or str(link.source) not in result.signals for link in links):
+        return None
+    force = [link.gain * result.signals[str(link.source)] + link.shift for link in links if link is not None]
+    return PortRecord(np.column_stack(force), result.vector(f"{arm}.{moved}"))
+
+
+def port_signals(wiring: Wiring) -> set[str]:
+    """What the measures read: stems of the forces wired into both arms, of their velocities, of packets counted."""
+    arms = wiring.scenario.arms or ()
+    inputs = {f"{arm}.{kind}" for arm in arms for kind in ("f", "f_command", "tau")}
+    forces = {stem(str(link.source)) for link in wiring.links if stem(str(link.target)) in inputs}
+    moved = {f"{arm}.{name}" for arm in arms for name in ("dx", "dx_tip", "dq")}
+    return forces | moved | {f"{name}.packets" for name in wiring.scenario.components}
+
+
+def measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
+    """The measures of a run that has what they need, by name.
+
+    force_tracking: RMS of |f_h + f_e|, the forces of hand and environment on their arms: zero where the hand feels what
+    the environment does (Lawrence, Stability and transparency in bilateral teleoperation, IEEE Trans. Robotics and
+    Automation 9, 1993). hand_effort: RMS of |f_h|. hand_work: the integral of the positive part of f_h v_l, what the
+    hand had to give. energy_*: see `energies`, at the end; coupling_least: the least energy of the coupling, negative
+    where it has given more than it was given. packets: sent a second by all channels (Hinterseer et al., IEEE Trans.
+    Signal Processing 56, 2008).
+    """
+    if result.scenario.arms is None or len(result.time) < 2:
+        return {}
+    local, remote = result.scenario.arms
+    hand, wall = port(result, wiring, local, "f"), port(result, wiring, remote, "f")
+    found: dict[str, Measure] = {}
+    if hand is not None:
+        power = np.einsum("ij,ij->i", hand.force, hand.velocity)
+        given = float(_integral(np.maximum(power, 0.0), result.time)[-1])
+        found["hand_effort"] = Measure(_rms(hand.force), "N", "RMS of the hand's force")
+        found["hand_work"] = Measure(given, "J", "work that the hand had to give")
+    if hand is not None and wall is not None:
+        apart = _rms(hand.force + wall.force)
+        found["force_tracking"] = Measure(apart, "N", "RMS of |f_h + f_e|, forces of hand and environment")
+    for name, energy in energies(result, wiring).items():
+        found[f"energy_{name}"] = Measure(float(energy[-1]), "J", _ENERGY[name])
+        if name == "coupling":
+            found["coupling_least"] = Measure(
+                float(energy.min()) + 0.0, "J", "least energy that the coupling ever held"
+            )
+    if (rate := packets(result, wiring)) is not None:
+        found["packets"] = Measure(rate, "1/s", "packets sent a second, all channels together")
+    return {name: m for name, m in found.items() if np.isfinite(m.value)}
+
+
+_ENERGY: Mapping[str, str] = {
+    "hand": "energy that the hand has put into the local arm",
+    "environment": "energy that the environment has put into the remote arm",
+    "coupling": "energy that the coupling has taken from both arms",
+}
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+
+
+def packets(result: Result, wiring: Wiring) -> float | None:
+    """Packets a second: what a channel counts in `packets`, else one at each of its steps; None without a channel."""
+    span, rates = float(result.time[-1] - result.time[0]), []
+    for name, description in wiring.descriptions.items():
+        if not {"delay_now", "in_flight"} <= set(description.variables):
+            continue
+        counted = result.signals.get(f"{name}.packets")
+        every = wiring.scenario.components[name].step_multiple * wiring.scenario.experiment.step
+        rates.append(1.0 / every if counted is None else float(counted[-1] - counted[0]) / span)
+    return sum(rates) if rates else None

@@ -1,0 +1,149 @@
+"""Measures of a run: closed forms, the energy of a spring and dampers, the impedance that a hand feels."""
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.arm.dynamics import tip_inertia
+from cosim.arm.parameters import parameter_set
+from cosim.results.measures import PortRecord
+
+POSE = np.array([0.0, 0.3, 0.4])
+LOOP = {
+    "arm_*.viscous": 0.0,
+    "arm_*.coulomb": 0.0,
+    "operator.reference_amplitude": [0.0, 0.0, 0.0],
+    "experiment.stop": 1.0,
+}
+K, B, DELAY = 150.0, 2.0, 0.005  # of the shipped scenario `contact`
+
+
+def test_work_of_a_sinusoid():
+    """F sin(wt) V sin(wt) over time: F V (t/2 - sin(2wt)/(4w)), by trapezoids to T h^2/12 of the greatest bend."""
+    time, w = np.linspace(0.0, 4.0, 4001), 3.0
+    wave = np.sin(w * time)[:, None] * np.array([[1.0, 0.0, 2.0]])
+    exact = 5.0 * 0.5 * (time / 2 - np.sin(2 * w * time) / (4 * w))
+    assert np.abs(PortRecord(0.5 * wave, wave).work(time) - exact).max() < 4.0 * 1e-6 / 12 * 5.0 * 0.5 * 2 * w**2
+
+
+def stored(result: cosim.RunResult, stiffness: float, damping: float) -> np.ndarray:
+    """What a spring between both tips holds more than at the start, and what a damper at each has turned into heat."""
+    apart = np.sum((result["arm_l.x"] - result["arm_r.x"]) ** 2, axis=1)
+    heat = damping * (np.sum(result["arm_l.dx"] ** 2, axis=1) + np.sum(result["arm_r.dx"] ** 2, axis=1))
+    lost = np.concatenate([[0.0], np.cumsum(0.5 * (heat[1:] + heat[:-1]) * np.diff(result.time))])
+    return 0.5 * stiffness * (apart - apart[0]) + lost
+
+
+def test_a_coupling_without_delay_holds_what_spring_and_dampers_hold():
+    """The samples of the stepping make the difference: it falls with the step."""
+    errors = []
+    for step in (2e-3, 1e-3):
+        values = {"experiment.step": step, "experiment.record_every": 1, "experiment.stop": 2.0}
+        result = cosim.run(cosim.load("sallam-nodelay").with_values(values))
+        exact = stored(result, 0.25, 0.09)
+        errors.append(abs(result.summary["measures"]["energy_coupling"]["value"] - exact[-1]) / exact.max())
+        assert result.summary["measures"]["coupling_least"]["value"] >= -1e-3 * exact.max()
+    assert errors[1] < 0.7 * errors[0] < 0.02
+
+
+def test_hand_and_packets_of_a_run():
+    result = cosim.run(cosim.load("sallam-nodelay").with_values({"experiment.stop": 1.0}))
+    told = {name: (m["value"], m["unit"]) for name, m in result.summary["measures"].items()}
+    force = result["operator.f"]
+    assert told["hand_effort"] == (pytest.approx(np.sqrt(np.mean(np.sum(force**2, axis=1))), rel=1e-12), "N")
+    power = np.maximum(np.einsum("ij,ij->i", force, result["arm_l.dx_tip"]), 0.0)
+    assert told["hand_work"][0] == pytest.approx(np.trapezoid(power, result.time), rel=1e-12)
+    assert told["packets"] == (pytest.approx(2000.0), "1/s")  # two channels, a packet each millisecond
+    assert "force_tracking" not in told  # nothing that the remote arm meets
+
+
+def test_measures_do_not_depend_on_what_is_kept():
+    scenario = cosim.load("sallam-nodelay").with_values({"experiment.stop": 0.5})
+    assert cosim.run(scenario, record=["arm_l.q"]).summary["measures"] == cosim.run(scenario).summary["measures"]
+
+
+# --- transparency -----------------------------------------------------------------------------------------------------
+
+
+def exact(frequency: float) -> tuple[np.ndarray, ...]:
+    """H of two tips of inertia L, each with a damper B, joined by springs K over the delay: worked out by hand.
+
+    f_h = (L s + B + K/s) v_l - (K/s) d v_r and the same with l and r changed for -f_e; d = exp(-s T).
+    """
+    s = 2j * np.pi * frequency
+    inertia = np.linalg.inv(tip_inertia(np.array(parameter_set("segment").pi), POSE))  # it is the inverse
+    own, cross = inertia * s + (B + K / s) * np.eye(3), K / s * np.exp(-s * DELAY) * np.eye(3)
+    inverse = np.linalg.inv(own)
+    return own - cross @ inverse @ cross, cross @ inverse, -inverse @ cross, inverse
+
+
+def missed(frequency: float, **values: object) -> float:
+    """The greatest difference of an entry of H from the one worked out by hand, over the greatest value of it."""
+    told = {f"experiment.{name}": value for name, value in values.items()}
+    found = cosim.transparency(cosim.load("contact").with_values(LOOP | told), [frequency])
+    entries = zip((found.h11, found.h12, found.h21, found.h22), exact(frequency))
+    return max(float(np.abs(one[0] - two).max() / np.abs(two).max()) for one, two in entries)
+
+
+@pytest.mark.parametrize("frequency", [0.2, 1.0, 5.0])
+def test_the_hybrid_matrix_is_that_of_the_masses_springs_and_dampers(frequency):
+    """To the accuracy of the FMUs' derivatives, which are differences."""
+    assert missed(frequency) < 1e-10
+
+
+def test_held_inputs_make_signals_older():
+    """By half a step and more, so that the difference falls with the step."""
+    errors = [missed(1.0, extrapolation="hold", step=step) for step in (1e-3, 1e-4)]
+    assert 1e-4 < errors[0] < 0.1 and errors[1] == pytest.approx(0.1 * errors[0], rel=0.1)
+
+
+def test_what_is_felt_lies_between_free_and_held():
+    found = cosim.transparency(cosim.load("contact").with_values(LOOP), [0.5, 2.0])
+    np.testing.assert_allclose(found.felt(np.zeros((3, 3))), found.h11, rtol=1e-12)
+    np.testing.assert_allclose(found.felt(1e9 * np.eye(3)), found.held, rtol=1e-6)
+    told = found.to_dict()
+    assert told["frequency"] == [0.5, 2.0] and np.array(told["z_held"]).shape == (2, 3)
+
+
+def test_a_run_feels_what_the_linear_loop_says():
+    """A small force at 1 Hz on the free teleoperator: its velocity by Fourier over the last two seconds."""
+    frequency = 1.0
+    values = LOOP | {"operator.amplitude": [0.02, 0.0, 0.0], "operator.frequency": frequency, "experiment.stop": 6.0}
+    scenario = cosim.load("sallam-nodelay").with_values(
+        {k: v for k, v in values.items() if "reference" not in k}
+        | {"operator.stop_time": 100.0, "controller_*.stiffness": 20.0, "controller_*.damping": 0.5}
+    )
+    result = cosim.run(scenario)
+    rows = result.time > 4.0 - 1e-9
+    rows[-1] = False
+    wave = np.exp(-2j * np.pi * frequency * result.time[rows])[:, None]
+    force, velocity = ((result[name][rows] * wave).mean(axis=0) for name in ("operator.f", "arm_l.dx"))
+    (h11,) = cosim.transparency(scenario, [frequency]).h11
+    np.testing.assert_allclose(h11 @ velocity, force, atol=0.02 * np.abs(force).max())
+
+
+def test_a_scenario_without_ports_is_refused():
+    with pytest.raises(cosim.InputError, match="two arms"):
+        cosim.transparency("identification")
+
+
+# --- what this run had ------------------------------------------------------------------------------------------------
+
+
+def test_a_report_says_what_was_changed_and_so_does_a_result_that_is_opened_again(tmp_path):
+    effects = tmp_path / "effects.toml"
+    effects.write_text(
+        'format = 1\nmodel = "PhantomArm"\n[parameters]\nviscous = 0.001\n[[effects]]\nname = "quadratic_drag"\n'
+    )
+    scenario = cosim.load("sallam-stable", effects=effects).with_values(
+        {"channel_*.delay_max": 0.6, "experiment.stop": 1.0, "arm_l.q_start": [0.0, 0.1, 0.2]}
+    )
+    folder = cosim.run(scenario).save(tmp_path / "r")
+    words = "with the effects quadratic_drag and with channel_*.delay_max = 0.6, experiment.stop = 1.0"
+    page = (folder / "report.html").read_text()
+    assert f"This run is sallam-stable {words}" in page and "<h1>sallam-stable: stable" not in page
+    again = cosim.open_result(folder)
+    assert again.scenario.effects == ("quadratic_drag",) and again.scenario.changed.startswith(words)
+    assert again.summary["changes"]["arm_l.q_start"] == "[0.0, 0.1, 0.2]"
+    plain = cosim.run(cosim.load("sallam-nodelay"), record=["arm_l.x"])
+    assert plain.summary["changes"] == {} and plain.scenario.changed == ""

@@ -54,27 +54,48 @@ def energies(result: Result, wiring: Wiring) -> dict[str, np.ndarray]:
     (Hannaford and Ryu, Time-domain passivity control of haptic interfaces, IEEE Trans. Robotics and Automation 18,
     2002, Eq. 3).
     """
-    arms = result.scenario.arms
-    if arms is None:
-        return {}
-    ports = {name: port(result, wiring, arm, "f") for name, arm in zip(("hand", "environment"), arms)}
-    found = {name: p.work(result.time) for name, p in ports.items() if p is not None}
-    sides = [p for arm in arms for kind in ("f_command", "tau") if (p := port(result, wiring, arm, kind)) is not None]
-    if sides:
-        found["coupling"] = -np.sum([p.work(result.time) for p in sides], axis=0)
-    return found
+    return _energies(_ports(result, wiring), result.time)
+
+
+def _energies(ports: Mapping[str, list[PortRecord]], time: np.ndarray) -> dict[str, np.ndarray]:
+    signs = {"hand": 1.0, "environment": 1.0, "coupling": -1.0}
+    return {name: signs[name] * np.sum([p.work(time) for p in sides], axis=0) for name, sides in ports.items() if sides}
+
+
+def _ports(result: Result, wiring: Wiring) -> dict[str, list[PortRecord]]:
+    """The ports that are there, of hand, environment and coupling."""
+    local, remote = result.scenario.arms or ("", "")
+    places = {
+        "hand": [(local, "f")],
+        "environment": [(remote, "f")],
+        "coupling": [(arm, kind) for arm in (local, remote) for kind in ("f_command", "tau")],
+    }
+    return {
+        name: [p for arm, kind in where if (p := port(result, wiring, arm, kind)) is not None]
+        for name, where in places.items()
+    }
 
 
 def port(result: Result, wiring: Wiring, arm: str, kind: str) -> PortRecord | None:
-    """The port of an arm at its input `f`, `f_command` or `tau`; None where nothing is wired, or it is not recorded."""
+    """The port of an arm at its input `f`, `f_command` or `tau`; None where nothing is wired, or it is not recorded.
+
+    A wall that is part of the arm (`f_contact`) stands in for what is wired into `f`.
+    """
     sources = {link.target.variable: link for link in wiring.links if link.target.component == arm}
     links = [sources.get(f"{kind}[{k}]") for k in (1, 2, 3)]
     names = ("dq",) if kind == "tau" else ("dx_tip", "dx")
     moved = next((n for n in names if f"{arm}.{n}[3]" in result.signals), None)
-    if moved is None or any(link is None or str(link.source) not in result.signals for link in links):
+    if moved is None:
         return None
-    force = [link.gain * result.signals[str(link.source)] + link.shift for link in links if link is not None]
-    return PortRecord(np.column_stack(force), result.vector(f"{arm}.{moved}"))
+    velocity = result.vector(f"{arm}.{moved}")
+    wired = [link for link in links if link is not None and str(link.source) in result.signals]
+    if len(wired) == 3:
+        force = [link.gain * result.signals[str(link.source)] + link.shift for link in wired]
+        return PortRecord(np.column_stack(force), velocity)
+    if kind == "f" and not any(links) and f"{arm}.f_contact[3]" in result.signals:
+        touched = result.vector(f"{arm}.f_contact")
+        return PortRecord(touched, velocity) if touched.any() else None
+    return None
 
 
 def port_signals(wiring: Wiring) -> set[str]:
@@ -82,7 +103,7 @@ def port_signals(wiring: Wiring) -> set[str]:
     arms = wiring.scenario.arms or ()
     inputs = {f"{arm}.{kind}" for arm in arms for kind in ("f", "f_command", "tau")}
     forces = {stem(str(link.source)) for link in wiring.links if stem(str(link.target)) in inputs}
-    moved = {f"{arm}.{name}" for arm in arms for name in ("dx", "dx_tip", "dq")}
+    moved = {f"{arm}.{name}" for arm in arms for name in ("dx", "dx_tip", "dq", "f_contact")}
     return forces | moved | {f"{name}.packets" for name in wiring.scenario.components}
 
 
@@ -98,8 +119,14 @@ def measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
     """
     if result.scenario.arms is None or len(result.time) < 2:
         return {}
-    local, remote = result.scenario.arms
-    hand, wall = port(result, wiring, local, "f"), port(result, wiring, remote, "f")
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that diverged
+        found = _measures(result, wiring)
+    return {name: m for name, m in found.items() if np.isfinite(m.value)}
+
+
+def _measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
+    ports = _ports(result, wiring)
+    hand, wall = (next(iter(ports[name]), None) for name in ("hand", "environment"))
     found: dict[str, Measure] = {}
     if hand is not None:
         power = np.einsum("ij,ij->i", hand.force, hand.velocity)
@@ -109,7 +136,7 @@ def measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
     if hand is not None and wall is not None:
         apart = _rms(hand.force + wall.force)
         found["force_tracking"] = Measure(apart, "N", "RMS of |f_h + f_e|, forces of hand and environment")
-    for name, energy in energies(result, wiring).items():
+    for name, energy in _energies(ports, result.time).items():
         found[f"energy_{name}"] = Measure(float(energy[-1]), "J", _ENERGY[name])
         if name == "coupling":
             found["coupling_least"] = Measure(
@@ -117,7 +144,7 @@ def measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
             )
     if (rate := packets(result, wiring)) is not None:
         found["packets"] = Measure(rate, "1/s", "packets sent a second, all channels together")
-    return {name: m for name, m in found.items() if np.isfinite(m.value)}
+    return found
 
 
 _ENERGY: Mapping[str, str] = {

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 import cosim
 from cosim.arm.dynamics import tip_inertia
@@ -55,6 +56,28 @@ def test_hand_and_packets_of_a_run():
     assert told["hand_work"][0] == pytest.approx(np.trapezoid(power, result.time), rel=1e-12)
     assert told["packets"] == (pytest.approx(2000.0), "1/s")  # two channels, a packet each millisecond
     assert "force_tracking" not in told  # nothing that the remote arm meets
+
+
+def test_a_wall_that_is_part_of_the_arm_is_an_environment():
+    """As stiff a wall in an FMU of its own: the same energy, but for what its samples are late."""
+    values = {"experiment.stop": 2.0, "environment.stiffness": 1000.0, "environment.damping": 2.0}
+    apart = cosim.run(cosim.load("contact").with_values(values))
+    inside = cosim.load("contact").with_values(
+        {
+            "experiment.stop": 2.0,
+            "environment.stiffness": 0.0,
+            "environment.damping": 0.0,
+            "arm_r.contact_stiffness": 1000.0,
+            "arm_r.contact_damping": 2.0,
+            "arm_r.contact_normal": [1.0, 0.0, 0.0],
+            "arm_r.contact_distance": 0.02,
+        }
+    )
+    kept = tuple(c for c in inside.connections if str(c.target) != "arm_r.f")
+    within = cosim.run(evolve(inside, connections=kept))
+    for name in ("force_tracking", "hand_effort", "energy_coupling"):
+        one, two = (result.summary["measures"][name]["value"] for result in (apart, within))
+        assert two == pytest.approx(one, rel=0.02), name
 
 
 def test_measures_do_not_depend_on_what_is_kept():

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
+import numpy as np
 from attrs import frozen
 
 from cosim.analysis.comparison import Comparison, compare
@@ -15,9 +16,11 @@ from cosim.analysis.transparency import FREQUENCIES, Hybrid
 from cosim.analysis.transparency import transparency as hybrid_matrix
 from cosim.api.card import card
 from cosim.api.runs import load
+from cosim.engine.isolation import runner
+from cosim.engine.master import run as run_here
 from cosim.engine.reference import RunProgress
-from cosim.errors import RunError
-from cosim.fmu import open_system
+from cosim.errors import InputError, RunError
+from cosim.fmu import FmuSet, open_system
 from cosim.results.saving import save_files, write_json
 from cosim.scenario import Scenario
 
@@ -38,7 +41,17 @@ def stability(
     """
     chosen = at_pose(scenario if isinstance(scenario, Scenario) else load(scenario), pose)
     with open_system(chosen) as system:
-        return StabilityResult(*compare(chosen, system, progress))
+        return StabilityResult(*compare(chosen, system, progress), _felt(chosen, system))
+
+
+def _felt(scenario: Scenario, system: FmuSet) -> Hybrid | None:
+    """What the hand feels, where the scenario is a teleoperator of our own FMUs that linear equations tell."""
+    if scenario.arms is None or runner(scenario) is not run_here:
+        return None
+    try:
+        return hybrid_matrix(scenario, system)
+    except (InputError, RunError, np.linalg.LinAlgError):
+        return None
 
 
 def transparency(scenario: Scenario | str | Path, frequencies: Sequence[float] = FREQUENCIES) -> Hybrid:
@@ -59,10 +72,12 @@ class StabilityResult:
 
     comparison: Comparison
     loop: LinearLoop
+    transparency: Hybrid | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The content of stability.json."""
-        return document(self.comparison)
+        felt = None if self.transparency is None else self.transparency.to_dict()
+        return {**document(self.comparison), "transparency": felt}
 
     @property
     def failure(self) -> RunError | None:
@@ -93,7 +108,7 @@ class StabilityResult:
         from cosim.report.html import write_report
         from cosim.report.stability import stability_report
 
-        return write_report(stability_report(self.comparison, self.loop), path)
+        return write_report(stability_report(self.comparison, self.loop, self.transparency), path)
 
     def __str__(self) -> str:
         """What `cosim stability` prints."""

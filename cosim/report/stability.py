@@ -8,16 +8,17 @@ from cosim.analysis.evidence import StabilityEvidence
 from cosim.analysis.linearisation import LinearLoop
 from cosim.analysis.margin import loci
 from cosim.analysis.spectrum import DelayFamily, abscissa, roots
+from cosim.analysis.transparency import Hybrid
 from cosim.errors import InputError, Problem
 from cosim.report.html import Report, Section, Table
 from cosim.report.plots import COLOURS, Colour, Figure, Guide, Mark, Plot, PlotAxis, Series, curves
 from cosim.results.provenance import command_line, provenance
 
 
-def stability_report(found: Comparison, loop: LinearLoop) -> Report:
-    """The report of one comparison."""
+def stability_report(found: Comparison, loop: LinearLoop, felt: Hybrid | None = None) -> Report:
+    """The report of one comparison, with what the hand feels where that is known."""
     unstable = found.evidence is StabilityEvidence.FALSIFIED
-    sections = [_conditions(found), *_linear(found, loop), _read(found)]
+    sections = [_conditions(found), *_linear(found, loop), *([] if felt is None else [_felt(felt)]), _read(found)]
     facts = provenance(found.judged.result) | {"command": command_line()}
     return Report(
         f"Stability of {found.judged.result.scenario.name}",
@@ -25,6 +26,23 @@ def stability_report(found: Comparison, loop: LinearLoop) -> Report:
         sections,
         facts,
         mood="bad" if unstable else "good" if found.evidence is not StabilityEvidence.NONE else "neutral",
+    )
+
+
+def _felt(felt: Hybrid) -> Section:
+    """Impedance that the hand feels in free motion and against a remote arm that is held fast, an axis a plot."""
+    frequency = PlotAxis("frequency [Hz]", log=True)
+    plots = []
+    for k, axis in enumerate("xyz"):
+        sizes = {"free": np.abs(felt.h11[:, k, k]), "held fast": np.abs(felt.held[:, k, k])}
+        series = curves(felt.frequencies, sizes, dashed=["held fast"])
+        plots.append(Plot(series, frequency, PlotAxis("|Z| [N·s/m]", log=True), axis, link="frequency", height=220))
+    text = (
+        "From the linear loop at its start pose, hand and environment taken off. What lies between both curves is the "
+        "Z-width (Colgate and Brown 1994): the impedances that the teleoperator can let the hand feel."
+    )
+    return Section(
+        "What the hand feels", text, figures=[Figure(plots, "Impedance at the hand.", columns=3, name="felt")]
     )
 
 

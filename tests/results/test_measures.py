@@ -145,6 +145,12 @@ def test_a_run_feels_what_the_linear_loop_says():
     np.testing.assert_allclose(h11 @ velocity, force, atol=0.02 * np.abs(force).max())
 
 
+def test_stability_tells_what_the_hand_feels(tmp_path):
+    result = cosim.stability(cosim.load("contact").with_values(LOOP))
+    told, direct = result.to_dict()["transparency"], cosim.transparency(cosim.load("contact").with_values(LOOP))
+    assert told == direct.to_dict() and "What the hand feels" in (result.save(tmp_path) / "report.html").read_text()
+
+
 def test_a_scenario_without_ports_is_refused():
     with pytest.raises(cosim.InputError, match="two arms"):
         cosim.transparency("identification")

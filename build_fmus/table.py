@@ -233,6 +233,8 @@ def _converter() -> cattrs.Converter:
 
 
 def _read(path: Path) -> dict:
+    if path.exists() and not path.is_file():
+        raise BuildError(f"{path}: expected a file, got a folder, a device or a pipe")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, tomllib.TOMLDecodeError) as error:

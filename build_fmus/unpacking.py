@@ -1,13 +1,12 @@
 """Archives unpacked whole or not at all: checked names, sizes and checksums, aside first, then moved into place."""
 
 import os
-import shutil
-import tempfile
 import zipfile
 import zlib
 from pathlib import Path
 
 from build_fmus.errors import BuildError
+from build_fmus.scratch import workspace
 
 LIMIT = "COSIM_UNPACK_LIMIT"
 """Environment variable: the most bytes that one archive may hold when it is unpacked, `8e9`."""
@@ -21,15 +20,12 @@ class UnpackError(BuildError):
 def unpack(archive: Path, folder: Path) -> None:
     """Make `folder` of the contents of a zip file; it appears when all is there and every checksum is right.
 
-    Raises UnpackError for what is wrong with the archive, OSError where the folder cannot be written.
+    Raises UnpackError for what is wrong with the archive, BuildError or OSError where the folder cannot be written.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    aside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".part-"))
-    try:
-        _extract(archive, aside)
-        _move(aside, folder)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
+    with workspace(folder.parent) as aside:  # what a killed process left of its own goes now
+        _extract(archive, aside / folder.name)
+        _move(aside / folder.name, folder)
 
 
 def _move(aside: Path, folder: Path) -> None:

@@ -11,6 +11,7 @@ from attrs import cmp_using, field, frozen
 from cosim.analysis.delay_grid import DelayGrid
 from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
+from cosim.opening import named_file
 
 FORMAT = "haptic-cosim stability certificate 1"
 
@@ -96,7 +97,7 @@ def load(path: str | Path) -> tuple[Certificate, ...]:
     """Reads what `save` wrote; the system is stable for every law up to the smallest `max_delay`. InputError else."""
     advice = "`cosim stability SCENARIO --any-delay` writes one"
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(named_file(path, "a certificate", advice=advice).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(Problem(str(path), "a certificate in JSON", str(error), advice)) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT or not content.get("loops"):

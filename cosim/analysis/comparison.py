@@ -22,7 +22,7 @@ from cosim.engine.reference import RunProgress
 from cosim.errors import RunError
 from cosim.fmu import FmuSet
 from cosim.results.summary import Judged
-from cosim.scenario import Scenario, with_parameters
+from cosim.scenario import Scenario
 from cosim.wiring import Wiring
 
 
@@ -54,7 +54,7 @@ def _still(scenario: Scenario, system: FmuSet, loop: LinearLoop) -> Wiring:
     if loop.constant:
         return system.wiring(scenario)
     changes = {f"{n}.{key}": value for n, bounds in loop.channels.items() for key, value in _steady(bounds[1])}
-    return system.wiring(with_parameters(scenario, changes))
+    return system.wiring(scenario.with_values(changes))
 
 
 def _steady(delay: float) -> list[tuple[str, object]]:

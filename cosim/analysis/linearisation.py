@@ -18,7 +18,7 @@ from cosim.analysis.linear_fmu import LinearFmu, channel_bounds
 from cosim.analysis.spectrum import DelayFamily, DelaySystem
 from cosim.engine.master import System
 from cosim.errors import InputError, Problem
-from cosim.scenario import Scenario, with_parameters
+from cosim.scenario import Scenario
 from cosim.signals import stem
 from cosim.wiring import Link, Wiring
 
@@ -86,7 +86,7 @@ def at_pose(scenario: Scenario, pose: Sequence[float] | None) -> Scenario:
         return scenario
     arms = scenario.arms or ()
     values = {f"{arm}.q_start[{k + 1}]": float(q) for arm in arms for k, q in enumerate(pose)}
-    return with_parameters(scenario, values | {f"{arm}.dq_start": 0.0 for arm in arms})
+    return scenario.with_values(values | {f"{arm}.dq_start": 0.0 for arm in arms})
 
 
 def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None) -> LinearLoop:

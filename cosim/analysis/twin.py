@@ -13,7 +13,7 @@ from cosim.engine.reference import RunProgress
 from cosim.engine.table import stacked
 from cosim.results.measures import measures, port_signals
 from cosim.results.summary import Judged, number, tracking
-from cosim.scenario import Scenario, with_parameters
+from cosim.scenario import Scenario
 from cosim.signals import FmuDescription, stem
 from cosim.wiring import Wiring
 
@@ -31,7 +31,7 @@ def twin_of(wiring: Wiring) -> Scenario | None:
         return None
     changes = perturbation(arms)
     starts = {path: float(wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0)) for path in changes}
-    return with_parameters(wiring.scenario, {path: starts[path] + change for path, change in changes.items()})
+    return wiring.scenario.with_values({path: starts[path] + change for path, change in changes.items()})
 
 
 def _observed(description: FmuDescription) -> bool:

@@ -19,6 +19,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.reference import RunProgress
 from cosim.errors import InputError, Problem, RunError
 from cosim.fmu import descriptions, open_system
+from cosim.opening import named_file
 from cosim.results.files import export_csv, export_mat, read_h5, read_starts, write_h5
 from cosim.results.frames import as_dataframe, as_dataset
 from cosim.results.saving import save_files, write_json
@@ -102,18 +103,15 @@ def open_result(folder: str | Path) -> RunResult:
     """The result in a folder that `cosim run`, or `save`, has written. Raises InputError where there is none."""
     folder = Path(folder)
     file = folder / "result.h5" if folder.is_dir() else folder
-    if not file.is_file():
-        raise InputError(
-            Problem(str(folder), "a folder with a result.h5 of `cosim run`", "none", "run a scenario first")
-        )
+    named_file(file, "a folder with a result.h5 of `cosim run`", advice="run a scenario first")
     beside = file.with_name("summary.json")
-    return RunResult(read_h5(file), _read_json(beside) if beside.is_file() else {}, read_starts(file))
+    return RunResult(read_h5(file), _read_json(beside) if beside.exists() else {}, read_starts(file))
 
 
 def _read_json(file: Path) -> dict[str, Any]:
     """A summary.json. Raises InputError where it is damaged."""
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = json.loads(named_file(file, "the summary of a run").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(Problem(str(file), "the summary of a run", f"one that is damaged ({error})")) from None
     if not isinstance(found, dict):

@@ -12,6 +12,7 @@ from attrs import evolve, frozen
 
 from cosim.api.card import card
 from cosim.errors import InputError, Problem
+from cosim.opening import named_file
 from cosim.results.files import write_table
 from cosim.results.frames import table_frame
 from cosim.results.saving import save_files, write_json
@@ -79,9 +80,12 @@ def _own(name: str) -> str:
     path = Path(file).resolve()
     full = f"{path}:{chosen or 'evaluate'}"
     try:
-        if path.suffix == ".py" and path.is_file() and callable(function(full)):
+        wanted = "a Python file, named .py"
+        if named_file(path, wanted, "evaluator").suffix == ".py" and callable(function(full)):
             return full
-        problem = Problem("evaluator", "a Python file", repr(file))
+        problem = Problem("evaluator", wanted, repr(file))
+    except InputError:
+        raise
     except AttributeError:
         problem = Problem(str(path), f"a function {chosen or 'evaluate'}(task, points)", "none of that name")
     except Exception as error:  # noqa: BLE001 - whatever a file of the user's raises when it is loaded

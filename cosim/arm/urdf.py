@@ -22,6 +22,7 @@ from cosim.arm.inertia import BodyInertia
 from cosim.arm.serial import turn
 from cosim.arm.serial_kinematics import about
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.opening import named_file
 
 MOVING = ("revolute", "continuous", "prismatic")
 REFUSED = ("planar", "floating")
@@ -122,7 +123,7 @@ def _check_parser() -> None:
 
 def _root(path: Path) -> ElementTree.Element:
     try:
-        text = path.read_bytes()
+        text = named_file(path, "a URDF file").read_bytes()
     except OSError as error:
         raise InputError(Problem(str(path), "a URDF file", error.strerror or "an unreadable file")) from None
     try:

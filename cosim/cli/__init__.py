@@ -7,13 +7,10 @@ A module `cosim/cli/<name>.py` (dashes as underscores) defines `command(...)` wi
 import atexit
 import gc
 import os
-import stat
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import wraps
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from cosim.cli.streams import open_streams, stop_when_told
@@ -61,22 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words in (["--version"], ["-V"]):
         print(_version())
         sys.exit(0)
-    _refuse_devices(words)
     try:
         _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
     except KeyboardInterrupt:  # while modules are still being imported
         _interrupted()
-
-
-def _refuse_devices(words: Sequence[str]) -> None:
-    """A pipe or a device named in place of a file would be waited for, or read for ever."""
-    for word in words:
-        with suppress(OSError, ValueError):
-            mode = Path(word.rpartition("=")[2] if word.startswith("--") else word).stat().st_mode
-            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                from cosim.errors import InputError, Problem
-
-                _leave(InputError(Problem(word, "a file", "a device or a pipe", "write it to a file first")), 2)
 
 
 def _repeated(words: list[str]) -> list[str]:

@@ -15,7 +15,8 @@ from cosim.effects import Effect, Scene
 from cosim.effects.moving_arm import moving_arm
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.measured import Recording
-from cosim.scenario.reading import read_toml, unknown_keys
+from cosim.opening import read_toml
+from cosim.scenario.reading import unknown_keys
 
 FORMAT = 1
 KEYS = {"format", "model", "components", "parameters", "effects", "provenance"}
@@ -74,9 +75,7 @@ def load(path: Path | str, effects: Sequence[Effect], recording: Recording | Non
 
 
 def _table(path: Path, problems: list[Problem]) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputError(Problem(str(path), "an effects file", "a folder" if path.is_dir() else "no such file"))
-    table = read_toml(path)
+    table = read_toml(path, "an effects file")
     if table.get("format", FORMAT) != FORMAT:
         raise InputError(Problem(f"{path}: format", str(FORMAT), repr(table.get("format"))))
     unknown_keys(table, KEYS, str(path), problems)

@@ -215,11 +215,10 @@ def _played(
     scenario: Scenario, system: System, path: _ReplayedRun, parameters: Mapping[str, StartValue]
 ) -> _ReplaySide:
     from cosim.engine.master import run as execute
-    from cosim.scenario import with_parameters
 
     values = stepped(parameters, path.run.step)
     try:
-        changed = with_parameters(scenario, {f"drive.{key}": value for key, value in values.items()})
+        changed = scenario.with_values({f"drive.{key}": value for key, value in values.items()})
         result = execute(changed, system, record=["controller.tau", "drive.q"])
     except (InputError, RunError) as error:
         nothing = np.full_like(path.q_ref, np.nan)

@@ -21,6 +21,7 @@ from cosim.effects.surroundings import ExternalContact, FrictionDrift, JointCoup
 from cosim.effects.transmission import Backlash, JointElasticity
 from cosim.errors import InputError, Problem
 from cosim.measured.label import Label
+from cosim.opening import named_file
 
 BUILT_IN = (
     Stribeck(),
@@ -63,15 +64,10 @@ def load_effects(path: Path | str) -> tuple[Effect, ...]:
     """Instances of every concrete `Effect` that a Python file defines. Raises InputError, as do their methods where
     they fail.
     """
-    path = Path(path)
-    if not path.is_file() or path.suffix != ".py":
-        raise InputError(
-            Problem(
-                str(path),
-                "a Python file, named .py, with an Effect",
-                "another name" if path.is_file() else "no such file",
-            )
-        )
+    wanted = "a Python file, named .py, with an Effect"
+    path = named_file(path, wanted)
+    if path.suffix != ".py":
+        raise InputError(Problem(str(path), wanted, "another name"))
     kinds = [
         k
         for k in vars(_module(path)).values()

@@ -16,7 +16,6 @@ from cosim.engine.isolation import runner
 from cosim.errors import RunError
 from cosim.exports.enumerations import whole_numbers
 from cosim.fmu import describe, fmu_file, open_system
-from cosim.scenario import with_parameters
 from cosim.scenario.ssp_experiment import MASTER, OMS, OMS_TYPE, OSP, OSP_TYPE, VENDOR
 from cosim.scenario.ssp_grammar import NAMESPACES
 from cosim.signals import FmuDescription, Unit, Variable
@@ -52,7 +51,7 @@ def component_fmus(
     from build_fmus import BuildError, fmu_path
 
     inputs = _first_inputs(wiring)
-    scenario = with_parameters(wiring.scenario, {"experiment.fmi": fmi})
+    scenario = wiring.scenario.with_values({"experiment.fmi": fmi})
     fmus = {}
     for name, component in scenario.components.items():
         try:
@@ -70,7 +69,7 @@ def component_fmus(
 def _first_inputs(wiring: Wiring) -> dict[str, dict[str, float]]:
     """The values of each component's wired inputs at t = 0."""
     period = len(wiring.schedule.phases) * wiring.scenario.experiment.step  # s: whole steps of every component
-    brief = with_parameters(wiring.scenario, {"experiment.stop": period})
+    brief = wiring.scenario.with_values({"experiment.stop": period})
     with open_system(brief) as system:
         first = runner(brief)(brief, system)
     values: dict[str, dict[str, float]] = {name: {} for name in wiring.scenario.components}

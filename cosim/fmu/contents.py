@@ -8,9 +8,9 @@ from typing import Any
 
 from attrs import asdict, frozen
 
-from cosim.errors import InputError, Problem
 from cosim.fmu.description import model_of, no_cosimulation, platforms_of, shape_of, structural_sizes
 from cosim.fmu.library import here
+from cosim.opening import named_file
 from cosim.scenario.writing import toml_key, toml_value
 from cosim.signals import WHOLE
 
@@ -95,9 +95,7 @@ class FmuContents:
 
 def contents(file: str | Path) -> FmuContents:
     """What is in an FMU file. Raises InputError where it is none, or not there."""
-    path = Path(file)
-    if not path.is_file():
-        raise InputError(Problem(str(path), "an FMU", "no such file" if not path.exists() else "a folder"))
+    path = named_file(file, "an FMU")
     model = model_of(str(path))
     sizes = structural_sizes(model, {})
     problem, variables = no_cosimulation(str(path), model), tuple(_listed(v, sizes) for v in model.modelVariables)

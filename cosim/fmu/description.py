@@ -13,6 +13,7 @@ from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
 from cosim.fmu.places import Progress, digest, fmu_file, recording_warnings, stamp
+from cosim.opening import named_file
 from cosim.scenario import Scenario
 from cosim.signals import BASE_UNITS, WHOLE, FmuDescription, Unit, Variable
 
@@ -23,7 +24,7 @@ def describe(path: Path, parameters: Mapping[str, object] | None = None) -> FmuD
     parameters: values that the scenario gives; those of structural parameters settle the sizes of arrays.
     Raises InputError where it is no co-simulation FMU of FMI 2.0 or 3.0.
     """
-    plain = _describe(str(path), *stamp(path), ())
+    plain = _describe(str(path), *stamp(named_file(path, "an FMU")), ())
     given = _structural(plain, parameters or {})
     return _describe(str(path), *stamp(path), given) if given else plain
 

@@ -155,13 +155,14 @@ def _read_columns(
 def extracted(path: Path) -> Path:
     """Folder with the contents of an FMU, extracted once per content (absolute, kept in the cache)."""
     from build_fmus.cache import cache_folder
-    from build_fmus.unpacking import UnpackError, unpack
+    from build_fmus.errors import BuildError
+    from build_fmus.unpacking import unpack
 
     folder = cache_folder() / "extracted" / digest(str(path), *stamp(path))[:24]
     if not folder.is_dir():
         try:
             unpack(path, folder)
-        except (OSError, UnpackError) as error:
+        except (OSError, BuildError) as error:
             raise RunError(path.name, None, f"cannot be extracted: {error}") from None
     return folder.resolve()
 

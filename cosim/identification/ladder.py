@@ -14,7 +14,7 @@ from attrs import frozen
 from cosim.engine.master import Result, System, run
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
-from cosim.scenario import Scenario, load_scenario, with_parameters
+from cosim.scenario import Scenario, load_scenario
 
 GAINS = (
     100.0,
@@ -53,14 +53,13 @@ def gain_ladder(
     gains: Sequence[float] = GAINS,
 ) -> list[Rung]:
     """Climb until a rung does not hold, the controller holding `parameters`, the plant being `configuration`."""
-    scenario = with_parameters(
-        load_scenario("inverse-dynamics"),
+    scenario = load_scenario("inverse-dynamics").with_values(
         {
             "arm*.parameter_set": configuration,
             "controller*.parameter_set": parameters,
             "arm*.time_delay": delay,
             "excitation.square_amplitude": [0.1, 0.05, 0.1],
-        },
+        }
     )
     rungs: list[Rung] = []
     with open_system(scenario) as system:
@@ -78,7 +77,7 @@ def limit(rungs: Sequence[Rung]) -> float:
 
 def _rung(scenario: Scenario, system: System, parameters: str, gain: float, rate: float) -> Rung:
     gains = {"controller*.proportional_gain": float(gain), "controller*.derivative_gain": float(rate)}
-    result = run(with_parameters(scenario, gains), system, record=["arm.q", "arm.dq", "excitation.q_ref"])
+    result = run(scenario.with_values(gains), system, record=["arm.q", "arm.dq", "excitation.q_ref"])
     error = result.vector("arm.q") - result.vector("excitation.q_ref")
     rms = np.sqrt(np.nanmean(error**2, axis=0))
     return Rung(parameters, float(gain), float(rate), _held(result), tuple(rms.tolist()))

@@ -91,7 +91,7 @@ def _description(tables: Sequence[RawTable], given: Path | str | RecordingDescri
         return given
     if given is not None:
         return load_description(given)
-    beside = {p: load_description(p) for t in tables if (p := t.path.with_suffix(".toml")).is_file()}
+    beside = {p: load_description(p) for t in tables if (p := t.path.with_suffix(".toml")).exists()}
     if not beside:
         return _default(tables[0])
     first, *rest = beside.items()

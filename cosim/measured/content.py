@@ -4,7 +4,8 @@ from pathlib import Path
 
 from attrs import frozen
 
-from cosim.errors import InputError, Problem, did_you_mean
+from cosim.errors import InputError, Problem
+from cosim.opening import named_file
 
 TEXT, PARQUET, ARROW, MATLAB, HDF5, NPZ = "text table", "Parquet", "Feather", "MAT", "HDF5", "NPZ"
 ROSBAG, MCAP, MDF = "ROS bag", "MCAP", "MDF"
@@ -59,10 +60,7 @@ def kind_of(path: Path) -> str:
     """The kind of a file, one of the keys of SUFFIXES. Raises InputError for what cannot be read."""
     if path.is_dir():
         return _folder(path)
-    if not path.is_file():
-        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*")]) if path.parent.is_dir() else ""
-        raise InputError(Problem(str(path), "a file", "nothing there", near))
-    with path.open("rb") as file:
+    with named_file(path, "a recording").open("rb") as file:
         head = file.read(1024)
     if not head:
         raise InputError(Problem(str(path), "data", "an empty file"))

@@ -1,6 +1,5 @@
 """What a measured file holds: the device, the columns, their units and scales (CONTRACT.md, "Measured data")."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +12,7 @@ from cosim.measured.columns import LISTS, ROLES, ColumnNames, frozen_map, read_c
 from cosim.measured.device import DEVICES, AxisDevice, Device, PhantomDevice
 from cosim.measured.fields import FieldReader, is_number, unknown_names
 from cosim.measured.mounted import Mounted, read_motor, read_mounted
+from cosim.opening import read_toml
 
 KEYS = (
     "device",
@@ -91,14 +91,7 @@ def _of(values: tuple[Value, ...], column: int, default: Value) -> Value:
 
 def load_description(path: Path | str) -> RecordingDescription:
     """Read a description file; every problem is collected. Raises InputError."""
-    path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(Problem(str(path), "a description file", "no such file")) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(Problem(str(path), "a TOML file", f"text that does not parse: {error}")) from None
-    return parse_description(table, str(path))
+    return parse_description(read_toml(Path(path), "a description file"), str(path))
 
 
 def parse_description(table: Mapping[str, Any], source: str) -> RecordingDescription:

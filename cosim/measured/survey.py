@@ -76,7 +76,7 @@ def survey(files: Sequence[Path], description: Path | None = None) -> Survey:
     columns = guessed(table)
     names = tuple(str(file) for file in files)
     beside = files[0].with_suffix(".toml")
-    given = description or (beside if beside.is_file() else None)
+    given = description or (beside if beside.exists() else None)
     draft = "" if given else _draft(columns, files[0])
     try:
         described = load_description(given) if given else _parsed(draft, files[0])

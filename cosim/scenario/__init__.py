@@ -5,7 +5,7 @@ FMUs know (variables, units, causality) is checked by `cosim.wiring`.
 """
 
 from cosim.scenario.changing import parse_override, start_values
-from cosim.scenario.loading import draft, load_scenario, load_text, shipped, with_parameters
+from cosim.scenario.loading import draft, load_scenario, load_text, shipped
 from cosim.scenario.parts import (
     FORMAT,
     NANOSECONDS,
@@ -40,5 +40,4 @@ __all__ = [
     "shipped",
     "start_values",
     "to_toml",
-    "with_parameters",
 ]

@@ -8,8 +8,9 @@ from typing import TypeVar
 from attrs import evolve, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.opening import read_toml
 from cosim.scenario.parts import Component, ScenarioParts
-from cosim.scenario.reading import read_toml, record_of, unknown_keys
+from cosim.scenario.reading import record_of, unknown_keys
 from cosim.scenario.writing import plain, toml_value
 from cosim.signals import stem
 
@@ -98,10 +99,7 @@ _KINDS = {dict: "a table", str: "text", list: "a list"}
 
 def with_effects(scenario: AnyScenario, path: Path, problems: list[Problem]) -> AnyScenario:
     """The effects file's start values, given to the components that it names or to every one of its model."""
-    if not path.is_file():
-        problems.append(Problem("--effects", "a TOML file", f"nothing at {path}"))
-        return scenario
-    table = read_toml(path)
+    table = read_toml(path, where="--effects")
     unknown_keys(table, {"format", "model", "components", "parameters", "effects", "provenance"}, path.name, problems)
     kinds = {"parameters": dict, "model": str, "components": list, "effects": list}
     if "parameters" not in table:

@@ -6,6 +6,7 @@ from pathlib import Path
 from attrs import evolve
 
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.opening import file_problem
 from cosim.scenario.parts import NANOSECONDS, Component, ScenarioParts
 
 LONGEST = 2**63  # nanoseconds that fit an integer of 64 bits
@@ -64,9 +65,10 @@ def _check_file(component: Component, folder: Path, where: str) -> list[Problem]
     if component.own:
         return _check_model(component.model_path(folder), f"{where}.model")
     name = component.fmu or component.recording
-    if name is None or (folder / name).is_file():
+    if name is None or (component.recording and (folder / name).is_dir()):  # a ROS 2 bag is a folder
         return []
-    return [Problem(f"{where}.{'fmu' if component.fmu else 'recording'}", "a file", f"nothing at {folder / name}")]
+    problem = file_problem(folder / name, "a file", f"{where}.{'fmu' if component.fmu else 'recording'}")
+    return [problem] if problem else []
 
 
 def _check_model(path: Path, where: str) -> list[Problem]:

@@ -1,12 +1,13 @@
 """Scenarios by name, by path, from text, and with other values."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.opening import named_file
 from cosim.scenario.changing import with_effects, with_override
 from cosim.scenario.checking import check
 from cosim.scenario.parts import FORMAT, Component, Experiment, Teleoperation
@@ -113,21 +114,15 @@ def shipped(room: str = "scenario") -> list[Path]:
     return sorted(Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
-def with_parameters(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
-    """See `Scenario.with_values`."""
-    return scenario.with_values(values)
-
-
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    in_folder = (path / STRUCTURE).is_file()
-    if path.suffix in (".toml", ".ssp", ".ssd") or path.is_file() or in_folder:
-        if path.is_file() or in_folder:
-            return path.resolve()
-        raise InputError(Problem(str(path), "a scenario file", "no such file"))
+    if (path / STRUCTURE).is_file():
+        return path.resolve()
     known = {entry.stem: entry for entry in shipped()}
-    if str(name_or_path) in known:
+    if str(name_or_path) in known and not path.is_file():
         return known[str(name_or_path)]
+    if path.suffix in (".toml", ".ssp", ".ssd") or path.exists():
+        return named_file(path, "a scenario file").resolve()
     advice = did_you_mean(str(name_or_path), known) or "`cosim list` names them"
     raise InputError(
         Problem("scenario", "a shipped scenario or a path to a TOML file", repr(str(name_or_path)), advice)

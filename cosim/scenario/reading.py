@@ -1,7 +1,6 @@
 """From TOML to a scenario: unknown keys and wrong types are collected as problems."""
 
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from functools import cache
@@ -11,6 +10,7 @@ from typing import Any, TypeVar
 from attrs import AttrsInstance, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.opening import read_toml
 from cosim.scenario.parts import Algorithm, Connection, Conversion, Extrapolation, FmuLogging
 from cosim.signals import Signal
 
@@ -28,14 +28,6 @@ def table_of(path: Path, allow_outside: bool = False) -> dict[str, Any]:
         return read_ssp(path, cache_folder() / "ssp", allow_outside)
     except ValueError as error:
         raise InputError(Problem(str(path), "numbers where the standard wants them", str(error))) from None
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """The content of a TOML file. Raises InputError with the place of an error."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(Problem(str(path), "TOML", str(error))) from None
 
 
 def unknown_keys(table: Mapping[str, object], known: Iterable[str], where: str, problems: list[Problem]) -> None:

@@ -29,7 +29,7 @@ from cosim.engine.outcome import Outcome
 from cosim.errors import RunError
 from cosim.fmu import FmuSet, describe, fmu_file, open_system
 from cosim.results.summary import tracking
-from cosim.scenario import Scenario, load_scenario, to_toml, with_parameters
+from cosim.scenario import Scenario, load_scenario, to_toml
 from cosim.signals import stem
 from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import OWN, Task
@@ -67,7 +67,7 @@ def _at(task: Task, point: Point) -> tuple[Scenario, FmuSet]:
     """The scenario with the values of the sweep and of a point, and the FMUs that it is run with."""
     scenario, system = _loaded(str(dict(point.values).get(SCENARIO, task.scenario)), task.effects)
     values = {path: value for path, value in point.values if path != SCENARIO}
-    return with_parameters(scenario, dict(task.set) | values), system
+    return scenario.with_values(dict(task.set) | values), system
 
 
 @lru_cache(maxsize=4)

@@ -18,7 +18,6 @@ trace = ["stiffness", "delay"]    # one or two numeric axes; the others are enum
 """
 
 import re
-import tomllib
 from collections.abc import Mapping
 from enum import Enum
 from math import isfinite, prod
@@ -29,6 +28,7 @@ import numpy as np
 from attrs import AttrsInstance, field, fields, frozen
 
 from cosim.errors import InputError, Problem, did_you_mean
+from cosim.opening import named_file, read_toml
 
 Record = TypeVar("Record", bound=AttrsInstance)
 FORMAT = 1
@@ -227,22 +227,18 @@ class Sweep:
 def load_sweep(name_or_path: str) -> Sweep:
     """A shipped sweep by name or a TOML file by path. Raises InputError with every problem found."""
     path = _find(name_or_path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(Problem(str(path), "TOML", str(error))) from None
-    return parse_sweep(table, path)
+    return parse_sweep(read_toml(path), path)
 
 
 def _find(name_or_path: str) -> Path:
     from cosim.scenario import shipped
 
     path = Path(name_or_path)
-    if path.is_file():
-        return path.resolve()
     known = {entry.stem: entry for entry in shipped("sweeps")}
-    if name_or_path in known:
+    if name_or_path in known and not path.is_file():
         return known[name_or_path]
+    if path.exists():
+        return named_file(path, "a sweep").resolve()
     advice = did_you_mean(name_or_path, known) or "`cosim list` names them"
     raise InputError(Problem("sweep", "a shipped sweep or a path to a TOML file", repr(name_or_path), advice))
 

@@ -15,7 +15,7 @@ from cosim.arm.kinematics import jacobian
 from cosim.arm.parameters import SET_NAMES, parameter_set
 from cosim.engine.master import run
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 POSE = (0.0, 0.3, 0.4)
 SMALL = {"operator.amplitude": 0.0, "arm_l.dq_start": [1e-3, 1e-3, 1e-3], "arm_r.dq_start": [-1e-3, -1e-3, -1e-3]}
@@ -31,7 +31,7 @@ def free():
 
 def rate(scenario, system, delay):
     """Simulated growth rate [1/s] at a constant delay each way."""
-    chosen = with_parameters(scenario, {"channel_*.delay_mean": delay})
+    chosen = scenario.with_values({"channel_*.delay_mean": delay})
     record = ["arm_l.q", "arm_l.dq", "arm_r.q", "arm_r.dq"]
     result = run(chosen, system, record=record)
     return judge(result, run(twin_of(system.wiring(chosen)), system, record=record)).growth_rate
@@ -49,7 +49,7 @@ def boundary(scenario, system, guess, share=2e-3):
 def test_matrices_are_those_of_the_numpy_arm(free, fmi):
     """ddq = M^-1 J^T (K (x_other - x) - B dx) at rest, gravity compensated: A_0 and A_1 from the numpy model."""
     scenario, system = free
-    scenario = with_parameters(scenario, {"experiment.fmi": fmi, "channel_*.delay_mean": 0.3})
+    scenario = scenario.with_values({"experiment.fmi": fmi, "channel_*.delay_mean": 0.3})
     loop = linearise(scenario, system)
     m, j = mass_matrix(parameter_set("segment").pi, np.array(POSE)), jacobian(np.array(POSE))
     spring, damper = np.linalg.solve(m, j.T @ (0.25 * j)), np.linalg.solve(m, j.T @ (0.09 * j))
@@ -73,7 +73,7 @@ def test_spectral_boundaries_of_all_sets_are_those_of_their_heaviest_direction(f
     scenario, system = free
     printed = {"UR": 0.462, "FS": 0.423, "GCW": 0.386, "USD": 0.440, "USD+GCW": 0.391, "segment": 0.421}
     for name in SET_NAMES:
-        loop = linearise(at_pose(with_parameters(scenario, {"arm_*.parameter_set": name}), (0.0, 0.0, 0.0)), system)
+        loop = linearise(at_pose(scenario.with_values({"arm_*.parameter_set": name}), (0.0, 0.0, 0.0)), system)
         inverse = jacobian(np.zeros(3)) @ np.linalg.solve(
             mass_matrix(parameter_set(name).pi, np.zeros(3)), jacobian(np.zeros(3)).T
         )
@@ -89,8 +89,8 @@ def test_simulated_boundary_within_half_a_percent_of_the_spectrum(free, name):
     seven.
     """
     scenario, system = free
-    scenario = at_pose(with_parameters(scenario, {"arm_*.parameter_set": name}), (0.0, 0.0, 0.0))
-    scenario = with_parameters(scenario, SMALL)
+    scenario = at_pose(scenario.with_values({"arm_*.parameter_set": name}), (0.0, 0.0, 0.0))
+    scenario = scenario.with_values(SMALL)
     expected = max_delay(linearise(scenario, system).family())
     assert boundary(scenario, system, expected) == pytest.approx(expected, rel=5e-4)
 
@@ -101,8 +101,7 @@ def test_boundary_at_1_khz_is_less_by_the_age_of_the_received_sample(algorithm, 
     within 0.02 %.
     """
     scenario = load_scenario("sallam-nmm")
-    scenario = with_parameters(
-        scenario,
+    scenario = scenario.with_values(
         SMALL
         | {
             "arm_*.stiffness": 0.25,
@@ -111,11 +110,11 @@ def test_boundary_at_1_khz_is_less_by_the_age_of_the_received_sample(algorithm, 
             "arm_*.internal_steps": 1,
             "experiment.algorithm": algorithm,
             "experiment.extrapolation": "hold",
-        },
+        }
     )
     with open_system(scenario) as system:
         loop = linearise(scenario, system)
-        exact = max_delay(linearise(with_parameters(scenario, {"experiment.extrapolation": "linear"}), system).family())
+        exact = max_delay(linearise(scenario.with_values({"experiment.extrapolation": "linear"}), system).family())
         assert max_delay(loop.family()) == pytest.approx(exact - age, abs=1e-9)
         assert system.wiring(scenario).age_lr == pytest.approx(age, abs=1e-12)  # what `cosim show` prints
         assert boundary(scenario, system, exact - age) == pytest.approx(exact - age, rel=2e-4)
@@ -127,8 +126,8 @@ def test_ages_of_the_own_paths_move_the_boundary_further_as_predicted(free, algo
     predicts it.
     """
     scenario, system = free
-    held = with_parameters(scenario, SMALL | {"experiment.algorithm": algorithm, "experiment.extrapolation": "hold"})
-    linear = with_parameters(held, {"experiment.extrapolation": "linear"})
+    held = scenario.with_values(SMALL | {"experiment.algorithm": algorithm, "experiment.extrapolation": "hold"})
+    linear = held.with_values({"experiment.extrapolation": "linear"})
     exact, predicted = (max_delay(linearise(s, system).family()) for s in (linear, held))
     wiring = system.wiring(held)
     assert exact - predicted > 1.5 * wiring.age_lr  # more than the age of the received sample alone
@@ -137,9 +136,7 @@ def test_ages_of_the_own_paths_move_the_boundary_further_as_predicted(free, algo
 
 def test_channel_bounds_follow_the_law(free):
     scenario, system = free
-    uniform = with_parameters(
-        scenario, {"channel_*.law": "uniform", "channel_*.delay_min": 0.1, "channel_*.delay_max": 0.3}
-    )
+    uniform = scenario.with_values({"channel_*.law": "uniform", "channel_*.delay_min": 0.1, "channel_*.delay_max": 0.3})
     loop = linearise(uniform, system)
     assert not loop.constant and loop.longest == (0.3, 0.3) and loop.delays == (0.2, 0.2)
 
@@ -147,6 +144,6 @@ def test_channel_bounds_follow_the_law(free):
 def test_absent_effects_leave_no_states_and_present_ones_stay(free):
     scenario, system = free
     assert len(linearise(scenario, system).states) == 12
-    lagged = linearise(with_parameters(scenario, {"arm_l.actuator_lag": 0.01}), system)
+    lagged = linearise(scenario.with_values({"arm_l.actuator_lag": 0.01}), system)
     assert len(lagged.states) == 15 and any("tau_lag" in s for s in lagged.states)
     assert abscissa(lagged.system()) < 0

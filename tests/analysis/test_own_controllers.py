@@ -11,7 +11,7 @@ from cosim.analysis.prediction import predict
 from cosim.analysis.spectrum import abscissa, max_delay
 from cosim.analysis.stepped import stepped
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 from tests.support.own_fmus import own_loop, remembering_controller, static_controller, without
 
 
@@ -35,7 +35,7 @@ def test_an_integrator_that_no_output_shows_takes_every_guarantee_away():
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_static_controller_has_the_spectrum_of_the_papers_one(tmp_path, fmi):
     """With directional derivatives, and without: its outputs by differences."""
-    ours = with_parameters(load_scenario("sallam-nodelay"), {"channel_*.delay_mean": 0.3})
+    ours = load_scenario("sallam-nodelay").with_values({"channel_*.delay_mean": 0.3})
     flag = "providesDirectionalDerivative" + "s" * (fmi == 3)
     own = static_controller(fmi)
     with open_system(ours) as system:
@@ -60,7 +60,7 @@ def test_a_static_controller_has_the_spectrum_of_the_papers_one(tmp_path, fmi):
 )
 def test_what_the_sum_condition_takes_for_granted_is_looked_at(values, words):
     assert not _coupled(load_scenario("sallam-nodelay")).broken
-    found = _coupled(with_parameters(load_scenario("sallam-nodelay"), values))
+    found = _coupled(load_scenario("sallam-nodelay").with_values(values))
     assert found.pair is None or any(words in reason for reason in found.broken)
     assert found.broken
 
@@ -68,7 +68,7 @@ def test_what_the_sum_condition_takes_for_granted_is_looked_at(values, words):
 def test_a_hand_and_a_wall_are_tried():
     scenario = load_scenario("contact")
     assert not _coupled(scenario).broken
-    active = _coupled(with_parameters(scenario, {"operator.reference_amplitude": 0.0, "arm_l.actuator_lag": 0.01}))
+    active = _coupled(scenario.with_values({"operator.reference_amplitude": 0.0, "arm_l.actuator_lag": 0.01}))
     assert any("arm_l" in reason for reason in active.broken)
 
 
@@ -97,13 +97,12 @@ def test_without_access_to_its_state_only_simulation_counts(tmp_path):
 @pytest.mark.parametrize("extrapolation", ["linear", "hold"])
 def test_the_map_over_a_step_agrees_with_the_spectrum_and_its_ages(algorithm, extrapolation):
     """Two ways to one number: the delay equation with ages, and the schedule carried out on matrices; H = 1 ms."""
-    scenario = with_parameters(
-        load_scenario("sallam-nodelay"),
+    scenario = load_scenario("sallam-nodelay").with_values(
         {
             "channel_*.delay_mean": 0.0305,
             "experiment.algorithm": algorithm,
             "experiment.extrapolation": extrapolation,
-        },
+        }
     )
     with open_system(scenario) as system:
         found = examine(system.wiring(scenario), system)

@@ -17,7 +17,7 @@ from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import position_loop
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 KEYS = {"delay_sum", "sallam_eq10", "spectrum", "margin", "simulation", "effective_damping", "pose"}
 
@@ -111,8 +111,8 @@ def test_evidence_is_the_strongest_that_holds():
 
 def test_identified_negative_viscosity_takes_the_guarantee_away():
     """UR with its own friction: the least viscosity in the workspace is below -B, so that nothing is guaranteed."""
-    scenario = with_parameters(
-        load_scenario("sallam-nodelay"), {"arm_*.parameter_set": "UR", "arm_*.viscous": [-2.08e-3, -1.28e-3, -0.18e-3]}
+    scenario = load_scenario("sallam-nodelay").with_values(
+        {"arm_*.parameter_set": "UR", "arm_*.viscous": [-2.08e-3, -1.28e-3, -0.18e-3]}
     )
     with open_system(scenario) as system:
         found = examine(system.wiring(scenario), system)

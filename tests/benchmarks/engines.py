@@ -31,7 +31,7 @@ from cosim.engine.reference import execute as in_python
 from cosim.exports.container import write_container
 from cosim.exports.structure import component_fmus, write_ssp
 from cosim.fmu import descriptions, extracted, open_system
-from cosim.scenario import load_scenario, load_text, with_parameters
+from cosim.scenario import load_scenario, load_text
 from cosim.wiring import wire
 from tests.benchmarks.tiny import tiny_scenario
 
@@ -435,7 +435,7 @@ def cases(which: str, seconds: float, folder: Path):
         "experiment.record_every": 1,
         "experiment.fmi": 2,
     }
-    return Workload(with_parameters(load_scenario("sallam-stable"), values), folder)
+    return Workload(load_scenario("sallam-stable").with_values(values), folder)
 
 
 def measure(case: Workload, engines: dict[str, Callable[[Workload], Runner]], rounds: int) -> dict[str, list[float]]:

@@ -23,7 +23,7 @@ from cosim.analysis.twin import twin_of
 from cosim.analysis.verdict import judge
 from cosim.engine.master import run
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import EVALUATORS, _signals, setup
 from cosim.sweeps.points import Point, PointResult
@@ -68,13 +68,13 @@ high = 0.8
 
 def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
     """Milliseconds of processor time of the parts of a sweep's point, and of the fmpy loop on the same scenario."""
-    base = with_parameters(load_scenario("sallam-nodelay"), PAPER)
+    base = load_scenario("sallam-nodelay").with_values(PAPER)
     loop = fmpy_lists(
-        Workload(with_parameters(base, {"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold"}), folder)
+        Workload(base.with_values({"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold"}), folder)
     )
     found: dict[str, list[float]] = {}
     with open_system(base) as system:
-        wirings = [system.wiring(with_parameters(base, dict(p.values))) for p in places(kernel.lanes())]
+        wirings = [system.wiring(base.with_values(dict(p.values))) for p in places(kernel.lanes())]
         record = _signals(wirings[0])
         twins = kernel.run_batch([system.wiring(twin_of(w)) for w in wirings], record)
         run(base, system)
@@ -89,7 +89,7 @@ def parts(rounds: int, folder: Path) -> list[tuple[str, float]]:
             results = kernel.run_batch(wirings, record)
             note("batch kernel, per scenario", (time.process_time() - began) / len(wirings))
             note("verdict (judge)", timed(lambda: [judge(*pair) for pair in zip(results, twins)]) / len(wirings))
-            short = with_parameters(base, {"experiment.stop": 0.001})
+            short = base.with_values({"experiment.stop": 0.001})
             run(short, system)
             note("start of a repeated run", timed(lambda: [run(short, system) for _ in range(20)]) / 20)
     return [(name, statistics.median(values)) for name, values in found.items()]

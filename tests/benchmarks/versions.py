@@ -24,11 +24,11 @@ import sys
 import time
 from cosim.engine.master import run
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 
 def scenario(name, stop, **values):
-    return with_parameters(load_scenario(name), {"experiment.stop": stop, "experiment.record_every": 20} | values)
+    return load_scenario(name).with_values({"experiment.stop": stop, "experiment.record_every": 20} | values)
 
 def batch(name):
     gains = [{"controller_*.stiffness": 0.1 + 0.05 * i} for i in range(kernel.lanes())]

@@ -12,12 +12,12 @@ from cosim.fmu import open_system
 from cosim.report.html import render
 from cosim.report.run import run_report
 from cosim.results.summary import Tracking, limit_time, summary, tracking
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")
 def made():
-    return with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 6.0})
+    return load_scenario("sallam-stable").with_values({"experiment.stop": 6.0})
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_the_report_shows_tracking_forces_delays_paths_and_wiring(judged):
 
 
 def test_a_run_out_of_the_domain_is_a_result(made, system):
-    pushed = with_parameters(made, {"operator.amplitude": [5.0, 0.0, 0.0], "arm_*.workspace_limits": True})
+    pushed = made.with_values({"operator.amplitude": [5.0, 0.0, 0.0], "arm_*.workspace_limits": True})
     judged = judged_run(pushed, system)
     assert (
         judged.outcome is Outcome.DOMAIN_EXIT
@@ -101,12 +101,12 @@ def test_a_run_out_of_the_domain_is_a_result(made, system):
 
 
 def test_a_motor_at_its_limit_is_told(made, system):
-    limited = with_parameters(made, {"arm_l.torque_saturation": 0.01})
+    limited = made.with_values({"arm_l.torque_saturation": 0.01})
     judged = judged_run(limited, system)
     assert limit_time(judged.result) is not None
 
 
 def test_the_time_simulated_is_the_end_not_the_last_row(made, system):
     """12 steps, every fifth recorded: the last row stands at 10 ms."""
-    judged = judged_run(with_parameters(made, {"experiment.stop": 0.012, "experiment.record_every": 5}), system)
+    judged = judged_run(made.with_values({"experiment.stop": 0.012, "experiment.record_every": 5}), system)
     assert judged.result.time[-1] == pytest.approx(0.010) and summary(judged)["simulated_time"] == 0.012

@@ -20,7 +20,7 @@ from cosim.effects.transmission import behind
 from cosim.engine.master import run
 from cosim.fmu import open_system
 from cosim.measured import AxisDevice, Label, Recording, RecordingDescription, Run
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 
 def simulated(h, along, lanes):
@@ -103,7 +103,7 @@ def test_noise_of_the_encoder_is_no_elastic_joint():
 def closed(name: str, runs: int = 1):
     """What close-loop says of 40 s of the identification experiment on an arm with hidden parameters, cut into runs."""
     changes = {"experiment.stop": 40.0} | {f"arm.{k}": v for k, v in HIDDEN[name].items()}
-    scenario = with_parameters(load_scenario("identification"), changes)
+    scenario = load_scenario("identification").with_values(changes)
     with open_system(scenario) as system:
         result = run(scenario, system)
     time = np.asarray(result.time)

@@ -16,7 +16,7 @@ from cosim.engine.master import run
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import execute as in_python
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, load_text, shipped, with_parameters
+from cosim.scenario import load_scenario, load_text, shipped
 
 STEPS = 40
 NAMES = [path.stem for path in shipped()]
@@ -32,7 +32,7 @@ def short(name, fmi, algorithm="gauss-seidel", extrapolation="linear", **more):
         "experiment.algorithm": algorithm,
         "experiment.extrapolation": extrapolation,
     }
-    return with_parameters(chosen, values | more)
+    return chosen.with_values(values | more)
 
 
 def both(scenario, system):
@@ -81,7 +81,7 @@ def test_same_bits_after_many_other_runs_on_the_same_fmus():
         first = run(scenario, fresh)
     with open_system(scenario) as system:
         for stiffness in (0.1, 0.9):
-            run(with_parameters(scenario, {"controller_*.stiffness": stiffness, "arm_l.q_start[1]": 0.2}), system)
+            run(scenario.with_values({"controller_*.stiffness": stiffness, "arm_l.q_start[1]": 0.2}), system)
         run(scenario, system, record=["arm_l.q"])
         run(short("sallam-stable", 2, "jacobi", "hold"), system)
         assert_same(run(scenario, system), first)
@@ -170,7 +170,7 @@ ENDINGS = {
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_same_ending_in_the_same_words(ramps, ending):
     values, outcome = ENDINGS[ending]
-    scenario = with_parameters(ramps, values)
+    scenario = ramps.with_values(values)
     with open_system(scenario) as system:
         one, other = both(scenario, system)
         assert one.outcome is outcome
@@ -181,22 +181,22 @@ def test_same_ending_in_the_same_words(ramps, ending):
 
 
 def test_a_start_that_is_refused_is_told_as_in_python(ramps):
-    scenario = with_parameters(ramps, {"first.rate": 1e4})
+    scenario = ramps.with_values({"first.rate": 1e4})
     words = []
     with open_system(scenario) as system:
         for executor in (None, in_python):
             with pytest.raises(Exception, match="rate") as caught:
                 run(scenario, system, executor=executor)
             words.append(str(caught.value))
-        good = with_parameters(scenario, {"first.rate": 0.1})
+        good = scenario.with_values({"first.rate": 0.1})
         assert run(good, system).outcome is Outcome.BOUNDED
     assert words[0] == words[1]
 
 
 def test_ctrl_c_keeps_what_was_computed(monkeypatch):
-    long = with_parameters(load_scenario("sallam-nodelay"), {"experiment.stop": 600.0, "experiment.record_every": 100})
+    long = load_scenario("sallam-nodelay").with_values({"experiment.stop": 600.0, "experiment.record_every": 100})
     with open_system(long) as system:
-        run(with_parameters(long, {"experiment.stop": 0.1}), system)
+        run(long.with_values({"experiment.stop": 0.1}), system)
         for executor in (None, in_python):
             timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
             timer.start()
@@ -208,7 +208,7 @@ def test_ctrl_c_keeps_what_was_computed(monkeypatch):
 
 
 def test_progress_grows_to_the_end():
-    scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 5.0})
+    scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 5.0})
     with open_system(scenario) as system:
         told = []
         run(scenario, system, told.append)
@@ -219,7 +219,7 @@ def test_progress_grows_to_the_end():
 
 def test_threads_run_beside_each_other():
     """Two systems in two threads give the bits of one: neither the loop nor the FMUs share anything."""
-    scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 2.0})
+    scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 2.0})
     with open_system(scenario) as one, open_system(scenario) as other:
         expected, found = run(scenario, one), []
         workers = [threading.Thread(target=lambda s=s: found.append(run(scenario, s))) for s in (one, other)]

@@ -11,7 +11,7 @@ from cosim.engine.table import SignalTable, stacked
 from cosim.errors import InputError
 from cosim.fmu import open_system
 from cosim.results.files import export_csv, read_h5, write_h5
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 MEGABYTE = 2**20
 
@@ -24,8 +24,8 @@ def resident() -> float:
 
 def grown(runs: int, warm: int) -> float:
     """By how much memory grows over so many runs with changing parameters, after `warm` of them [MB]."""
-    base = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 0.01, "experiment.record_every": 1})
-    scenarios = [with_parameters(base, {"controller_*.stiffness": k}) for k in (0.1, 0.2, 0.3)]
+    base = load_scenario("sallam-stable").with_values({"experiment.stop": 0.01, "experiment.record_every": 1})
+    scenarios = [base.with_values({"controller_*.stiffness": k}) for k in (0.1, 0.2, 0.3)]
     with open_system(base) as system:
         for i in range(warm):
             run(scenarios[i % 3], system)
@@ -56,9 +56,9 @@ import sys
 from cosim.fmu import open_system
 from cosim.analysis.twin import judged_run
 from cosim.results.files import write_h5
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 values = {"experiment.stop": float(sys.argv[1]), "experiment.record_every": 1}
-scenario = with_parameters(load_scenario("sallam-stable"), values)
+scenario = load_scenario("sallam-stable").with_values(values)
 with open_system(scenario) as system:
     judged = judged_run(scenario, system)
 write_h5(judged.result, sys.argv[2])
@@ -99,12 +99,12 @@ def test_a_table_larger_than_the_disk_is_refused_in_words():
     with pytest.raises(
         InputError, match=r"200000000001 rows x 87 signals = 1\.39e\+05 GB; raise experiment.record_every"
     ):
-        run(with_parameters(load_scenario("sallam-nodelay"), {"experiment.stop": 1e9}))
+        run(load_scenario("sallam-nodelay").with_values({"experiment.stop": 1e9}))
 
 
 def test_results_of_a_run_on_disk(tmp_path, monkeypatch):
     """The same run with its table in memory and on disk: same signals, HDF5 and CSV."""
-    scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 8.0, "experiment.record_every": 1})
+    scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 8.0, "experiment.record_every": 1})
     with open_system(scenario) as system:
         here = run(scenario, system)
         monkeypatch.setattr(SignalTable.__init__, "__defaults__", (0,))
@@ -119,6 +119,6 @@ def test_results_of_a_run_on_disk(tmp_path, monkeypatch):
         assert np.array_equal(read.signals[name], here.signals[name]), name
     short = {"experiment.stop": 0.02}
     with open_system(scenario) as system:
-        again = run(with_parameters(scenario, short), system)
+        again = run(scenario.with_values(short), system)
     lines = export_csv(again, tmp_path / "there.csv").read_text().splitlines()
     assert len(lines) == 22 and float(lines[21].split(",")[0]) == 0.02

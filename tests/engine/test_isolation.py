@@ -22,7 +22,7 @@ from cosim.engine.table import SignalTable
 from cosim.errors import RunError
 from cosim.fmu import open_system
 from cosim.results.files import read_h5
-from cosim.scenario import load_scenario, load_text, with_parameters
+from cosim.scenario import load_scenario, load_text
 
 pytestmark = pytest.mark.usefixtures("children_crash")
 
@@ -77,7 +77,7 @@ def clocks(request):
 
 
 def apart(text, **values):
-    scenario = with_parameters(load_text(text), {key.replace("__", "."): value for key, value in values.items()})
+    scenario = load_text(text).with_values({key.replace("__", "."): value for key, value in values.items()})
     with open_system(scenario) as system:
         return run_apart(scenario, system)
 
@@ -161,7 +161,7 @@ def test_the_command_tells_component_time_and_signal(clocks, tmp_path):
 
 def test_ctrl_c_ends_an_fmu_that_never_returns(clocks):
     """The first progress is told after 2000 steps; the FMU hangs 500 steps later."""
-    scenario = with_parameters(load_text(clocks), {"experiment.stop": 3.0, "second.last": 2500, "second.way": 3})
+    scenario = load_text(clocks).with_values({"experiment.stop": 3.0, "second.last": 2500, "second.way": 3})
     with open_system(scenario) as system:
         result = run_apart(
             scenario, system, lambda _: threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()

@@ -9,7 +9,7 @@ from cosim.engine.master import run
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import execute
 from cosim.errors import InputError, RunError
-from cosim.scenario import Algorithm, Component, Extrapolation, with_parameters
+from cosim.scenario import Algorithm, Component, Extrapolation
 from tests.support.fakes import (
     MASS,
     MODELS,
@@ -64,7 +64,7 @@ def test_the_same_bits_again_and_after_other_runs():
     made = oscillator(stop=1.0)
     system = FakeSystem(made, MODELS)
     first = run(made, system, executor=execute)
-    run(with_parameters(made, {"spring.k": 9.0, "experiment.algorithm": "jacobi"}), system, executor=execute)
+    run(made.with_values({"spring.k": 9.0, "experiment.algorithm": "jacobi"}), system, executor=execute)
     again = run(made, system, executor=execute)
     assert {"mass.x", "mass.v", "spring.f"} <= set(first.signals)
     assert all(np.array_equal(first.signals[name], again.signals[name]) for name in first.signals)
@@ -88,7 +88,7 @@ def test_records_what_is_asked_for():
     result = run(made, system, record=["mass.x", "spring.f"], executor=execute)
     assert list(result.signals) == ["mass.x", "spring.f"] and result.units == {"mass.x": "m", "spring.f": "N"}
     assert result.time.tolist() == [n / 100 for n in range(11)]
-    every = run(with_parameters(made, {"experiment.record_every": 1}), system, executor=execute)
+    every = run(made.with_values({"experiment.record_every": 1}), system, executor=execute)
     assert np.array_equal(every.signals["mass.x"][::10], result.signals["mass.x"])
     with pytest.raises(InputError, match="did you mean 'mass.x'"):
         run(made, system, record=["mas.x"], executor=execute)
@@ -172,7 +172,7 @@ def test_domain_exit():
 
 
 def test_divergence_is_a_result():
-    made = with_parameters(oscillator(stop=100.0, step=0.01), {"spring.b": -5.0, "experiment.bound": 1e3})
+    made = oscillator(stop=100.0, step=0.01).with_values({"spring.b": -5.0, "experiment.bound": 1e3})
     result = run(made, FakeSystem(made, MODELS), executor=execute)
     assert result.outcome is Outcome.DIVERGED and 0 < result.stopped_at < 100 and "passed 1000" in result.message
     assert max(np.abs(values[-2]).max() for values in result.signals.values()) <= 1e3

@@ -13,7 +13,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.reference import execute
 from cosim.errors import InputError, RunError
 from cosim.fmu import describe, extracted, load, open_system, read_columns
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 
 def instance_of(fmi, name="c"):
@@ -73,9 +73,9 @@ def test_reset_forgets(fmi):
 
 def test_versions_mix_and_files_replace_models(tmp_path):
     """A third-party file in place of ours, of the other FMI version: the same bits."""
-    made = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 1.0})
+    made = load_scenario("sallam-stable").with_values({"experiment.stop": 1.0})
     shutil.copy(fmu_path("PLikeController", 3), tmp_path / "mine.fmu")
-    mixed = with_parameters(made, {"controller_*.fmu": str(tmp_path / "mine.fmu")})
+    mixed = made.with_values({"controller_*.fmu": str(tmp_path / "mine.fmu")})
     one, other = run(made), run(mixed)
     assert {f.fmi for f in other.fmus} == {"2.0", "3.0"}
     assert all(np.array_equal(one.signals[n], other.signals[n]) for n in one.signals)
@@ -103,11 +103,11 @@ def test_a_system_runs_many_scenarios_and_leaves_the_working_directory():
     from pathlib import Path
 
     here = Path.cwd()
-    made = with_parameters(load_scenario("sallam-nodelay"), {"experiment.stop": 0.5})
+    made = load_scenario("sallam-nodelay").with_values({"experiment.stop": 0.5})
     with open_system(made) as system:
         first = run(made, system)
         loaded = dict(system.loaded)
-        run(with_parameters(made, {"controller_*.stiffness": 0.5, "experiment.algorithm": "jacobi"}), system)
+        run(made.with_values({"controller_*.stiffness": 0.5, "experiment.algorithm": "jacobi"}), system)
         again = run(made, system)
         assert system.loaded == loaded
     assert all(np.array_equal(first.signals[n], again.signals[n]) for n in first.signals) and Path.cwd() == here
@@ -168,8 +168,8 @@ def cutting(fmi, early):
     ],
 )
 def test_a_step_cut_short_is_told(fmi, early, status, how, executor):
-    made = with_parameters(
-        load_scenario("sallam-stable"), {"experiment.stop": 0.01, "experiment.record_every": 1, "experiment.fmi": fmi}
+    made = load_scenario("sallam-stable").with_values(
+        {"experiment.stop": 0.01, "experiment.record_every": 1, "experiment.fmi": fmi}
     )
     with open_system(made) as system:
         instance, step = (

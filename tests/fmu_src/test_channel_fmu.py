@@ -8,7 +8,7 @@ from build_fmus import fmu_path
 from cosim.engine.master import run
 from cosim.engine.outcome import Outcome
 from cosim.errors import InputError
-from cosim.scenario import Component, Experiment, Scenario, with_parameters
+from cosim.scenario import Component, Experiment, Scenario
 from tests.support.model_harness import CompiledModel
 from tests.support.probe import Importer
 
@@ -124,7 +124,7 @@ def test_cosim_refuses_beforehand_what_the_buffer_does_not_hold(semantics):
     with pytest.raises(InputError, match="channel.delay_max"):
         run(chosen(0, law="uniform", delay_max=9.0))
     for change in ({"experiment.stop": 8.0}, {"experiment.step": 0.002}, {"channel.step_multiple": 2}):
-        assert run(with_parameters(chosen(STEPS + 2), change)).outcome is Outcome.BOUNDED
+        assert run(chosen(STEPS + 2).with_values(change)).outcome is Outcome.BOUNDED
     fmu = Importer(fmu_path("VariableDelayChannel", 2), {"semantics": semantics, "delay_mean": (STEPS + 2) * 1e-3})
     with pytest.raises(Exception):
         for k in range(10_000):

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from cosim.arm.dynamics import tip_inertia
 from cosim.arm.parameters import parameter_set
 from cosim.engine.master import run
-from cosim.scenario import Scenario, load_scenario, with_parameters
+from cosim.scenario import Scenario, load_scenario
 from tests.support.model_harness import CompiledModel
 from tests.support.teleoperator import teleoperate, vector
 
@@ -86,7 +86,7 @@ def small_loop(step: float) -> Scenario:
         "experiment.stop": 0.6,
         "experiment.record_every": 1,
     }
-    return with_parameters(load_scenario("controllers"), given)
+    return load_scenario("controllers").with_values(given)
 
 
 def ideal(t: np.ndarray, mass: float) -> np.ndarray:
@@ -124,7 +124,7 @@ def test_the_full_share_does_not_bear_a_step_however_small():
     rates = []
     for step in (1e-3, 5e-4):
         given = {"controller_*.acceleration_share": 1.0, "experiment.stop": 0.3}
-        speed = np.abs(vector(run(with_parameters(small_loop(step), given)), "arm_l.dx")[:, 0])
+        speed = np.abs(vector(run(small_loop(step).with_values(given)), "arm_l.dx")[:, 0])
         before, after = np.array_split(speed, 6)[3], np.array_split(speed, 6)[5]
         rates.append(np.log(after.max() / before.max()) / 0.1)
     assert 20.0 < rates[0] < 84.0

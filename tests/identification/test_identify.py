@@ -267,9 +267,9 @@ def test_reads_a_result_file_of_the_scenario(tmp_path):
     """The scenario's own result.h5 is a data set (issue 5), torque recentred by name."""
     from cosim.engine.master import run
     from cosim.results.files import write_h5
-    from cosim.scenario import load_scenario, with_parameters
+    from cosim.scenario import load_scenario
 
-    scenario = with_parameters(load_scenario("identification"), {"experiment.stop": 30.0})
+    scenario = load_scenario("identification").with_values({"experiment.stop": 30.0})
     write_h5(run(scenario), tmp_path / "result.h5")
     data = read([tmp_path / "result.h5"])
     assert data.runs[0].q_ref is not None and any("half a step" in text for text in data.warnings)
@@ -284,7 +284,7 @@ def test_intervals_cover_200_closed_loops():
     slow tests/identification/test_identify.py"""
     from cosim.engine.master import run
     from cosim.fmu import open_system
-    from cosim.scenario import load_scenario, with_parameters
+    from cosim.scenario import load_scenario
 
     inside = {name: [] for name in CONFIGURATIONS}
     scenario = load_scenario("identification")
@@ -292,7 +292,7 @@ def test_intervals_cover_200_closed_loops():
         for name in CONFIGURATIONS:
             for seed in range(40):
                 values = {f"excitation.{key}": value for key, value in taati(seed).parameters().items()}
-                chosen = with_parameters(scenario, values | {"arm.parameter_set": name})
+                chosen = scenario.with_values(values | {"arm.parameter_set": name})
                 result = run(chosen, system, record=["arm.q", "controller.tau"])
                 data = recording(result.time, result.vector("arm.q"), result.vector("controller.tau"), held=True)
                 inside[name].append(covered(identify(data), parameter_set(name).vector))

@@ -8,7 +8,7 @@ from cosim.engine.outcome import Outcome
 from cosim.errors import InputError
 from cosim.fmu import open_system
 from cosim.measured.delays import one_way
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 
 def test_constant_round_trips_split_exactly():
@@ -36,7 +36,7 @@ def test_refuses(trips, share):
 
 
 def test_the_shipped_trace_is_replayed_by_the_channels():
-    made = with_parameters(load_scenario("recorded-delay"), {"experiment.stop": 5.0, "experiment.record_every": 1})
+    made = load_scenario("recorded-delay").with_values({"experiment.stop": 5.0, "experiment.record_every": 1})
     result = run(made)
     table = np.loadtxt(made.folder / "recorded-delay.csv", delimiter=",", skiprows=3)
     expected = np.interp(result.time, table[:, 0], table[:, 1])

@@ -5,7 +5,7 @@ import pytest
 
 from cosim.arm.kinematics import orientation
 from cosim.engine.master import run
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")
@@ -54,5 +54,5 @@ def test_free_motion_is_estimated_as_no_force():
         "excitation.frequency": list(np.linspace(0.3, 5, 30)),
         "excitation.ramp": 1.0,
     }
-    result = run(with_parameters(load_scenario("contact-force"), moving))
+    result = run(load_scenario("contact-force").with_values(moving))
     assert rms(result.vector("observer.f")).max() < 0.25 * rms(result.vector("observer.f_static")).max()

@@ -6,13 +6,13 @@ import pytest
 from cosim.engine.master import run
 from cosim.identification.ladder import gain_ladder, limit
 from cosim.report.applications import tracking
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 
 def errors(values):
     """RMS tracking error of joint 3 and mean error at the end of the half pulses, both over the pulse of 0.2 rad, per
     loop."""
-    result = run(with_parameters(load_scenario("inverse-dynamics"), values))
+    result = run(load_scenario("inverse-dynamics").with_values(values))
     phase = np.mod(result.time, 2.0)
     late = (phase > 1.6) & (phase < 1.98) & (result.time > 2)
     found = []

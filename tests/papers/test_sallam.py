@@ -10,7 +10,7 @@ from cosim.engine.master import run
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import execute
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 from tests.support.monolith import MonolithicLoop, constant, sawtooth, sinusoidal
 
 TIPS = ["arm_l.x", "arm_r.x"]
@@ -18,7 +18,7 @@ TIPS = ["arm_l.x", "arm_r.x"]
 
 @pytest.fixture(scope="module")
 def base():
-    return with_parameters(load_scenario("sallam-nodelay"), {"experiment.stop": 30.0})
+    return load_scenario("sallam-nodelay").with_values({"experiment.stop": 30.0})
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def oracle():
 def tips(base, system, law=(("channel_*.delay_mean", 0.3),), **experiment):
     step = experiment.get("step", 0.001)
     values = {f"experiment.{key}": value for key, value in experiment.items()} | dict(law)
-    made = with_parameters(base, values | {"experiment.record_every": round(0.004 / step)})
+    made = base.with_values(values | {"experiment.record_every": round(0.004 / step)})
     result = run(made, system, record=TIPS)
     return np.stack([result.vector(name) for name in TIPS], axis=1)
 
@@ -156,7 +156,7 @@ def test_reference_figures(base, system, delay, stop, local, remote, rms):
     """The published table of the reference scenario; its digits end at 0.5e-9 rad, the second-order error is below
     1.5e-7 rad.
     """
-    made = with_parameters(base, {"channel_*.delay_mean": delay, "experiment.stop": stop})
+    made = base.with_values({"channel_*.delay_mean": delay, "experiment.stop": stop})
     result = run(made, system)
     assert result.vector("arm_l.q")[-1] == pytest.approx(local, abs=1.5e-7)
     assert result.vector("arm_r.q")[-1] == pytest.approx(remote, abs=1.5e-7)
@@ -165,7 +165,7 @@ def test_reference_figures(base, system, delay, stop, local, remote, rms):
 
 
 def test_the_distance_at_long_delay(base, system):
-    result = run(with_parameters(base, {"channel_*.delay_mean": 0.6, "experiment.stop": 40.0}), system)
+    result = run(base.with_values({"channel_*.delay_mean": 0.6, "experiment.stop": 40.0}), system)
     apart = np.linalg.norm(result.vector("arm_l.x") - result.vector("arm_r.x"), axis=1)
     assert np.sqrt(np.mean(apart**2)) == pytest.approx(11.27e-3, abs=0.02e-3)
 
@@ -180,7 +180,7 @@ def test_unstable_grows_as_published():
 
 def test_just_below_the_boundary_decays(base, system):
     # +-0.01 1/s shows in the joint motion only after a while, and 40 s of forcing are of no use for it
-    judged = judged_run(with_parameters(base, {"channel_*.delay_mean": 0.45, "experiment.stop": 120.0}), system)
+    judged = judged_run(base.with_values({"channel_*.delay_mean": 0.45, "experiment.stop": 120.0}), system)
     assert judged.outcome is Outcome.CONVERGED and judged.growth_rate == pytest.approx(-0.01, abs=0.01)
 
 
@@ -210,9 +210,9 @@ def test_the_scenario_says_where_it_leaves_the_range_of_the_linkage(name, times)
 
 
 def test_both_fmi_versions_and_both_executors_give_the_same_bits(base, system):
-    made = with_parameters(base, {"experiment.stop": 2.0, "channel_*.delay_mean": 0.123})
+    made = base.with_values({"experiment.stop": 2.0, "channel_*.delay_mean": 0.123})
     reference = run(made, system, executor=execute)
-    three = with_parameters(made, {"experiment.fmi": 3})
+    three = made.with_values({"experiment.fmi": 3})
     with open_system(three) as opened:
         others = [run(made, system), run(three, opened), run(three, opened, executor=execute), run(three, opened)]
     for other in others:
@@ -236,22 +236,21 @@ def test_zero_delay_equals_no_channel(base, system):
     bare = evolve(base, components=parts, connections=tuple(wires + direct))
     values = {"experiment.extrapolation": "hold", "experiment.stop": 3.0}
     with open_system(bare) as opened:
-        without = run(with_parameters(bare, values), opened)
-    with_channel = run(with_parameters(base, values | {"channel_*.delay_mean": 0.0}), system)
+        without = run(bare.with_values(values), opened)
+    with_channel = run(base.with_values(values | {"channel_*.delay_mean": 0.0}), system)
     assert {"arm_l.x[1]", "arm_r.x[1]", "controller_l.f[1]"} <= set(without.signals)
     assert all(np.array_equal(without.signals[n], with_channel.signals[n]) for n in without.signals)
 
 
 def test_a_constant_delay_shifts_exactly(base, system):
     result = run(
-        with_parameters(
-            base,
+        base.with_values(
             {
                 "experiment.stop": 3.0,
                 "channel_*.delay_mean": 0.3,
                 "experiment.record_every": 1,
                 "experiment.extrapolation": "hold",
-            },
+            }
         ),
         system,
     )
@@ -298,7 +297,7 @@ def test_holding_is_a_delay_of_the_age_that_the_wiring_gives(algorithm):
         "experiment.stop": 15.0,
         "experiment.record_every": 1,
     }
-    made = with_parameters(load_scenario("sallam-nmm"), values | {"experiment.algorithm": algorithm})
+    made = load_scenario("sallam-nmm").with_values(values | {"experiment.algorithm": algorithm})
     first, second = [], []
     with open_system(made) as opened:
         for step in (0.002, 0.001):
@@ -309,7 +308,7 @@ def test_holding_is_a_delay_of_the_age_that_the_wiring_gives(algorithm):
                     "channel_*.delay_mean": delay,
                     "experiment.step": step,
                 }
-                chosen = with_parameters(made, changed)
+                chosen = made.with_values(changed)
                 return run(chosen, opened, record=["arm_l.x"]).vector("arm_l.x"), opened.wiring(chosen)
 
             held, wiring = tip("hold", 0.4)

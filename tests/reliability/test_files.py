@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import cosim
+from cosim.cli import main
 from cosim.cli.folder import named
 from cosim.results.files import read_table, write_table
 from cosim.results.saving import save_files, write_json
+from cosim.scenario.ssp_grammar import NAMESPACES
 from tests.support import hostile
 
 COSIM = [sys.executable, "-m", "cosim"]
@@ -124,12 +126,80 @@ def test_a_scenario_with_slashes_in_its_name_stays_in_results(tmp_path):
     assert not (tmp_path.parent / "escaped").exists() and not (tmp_path.parent.parent / "escaped").exists()
 
 
-@pytest.mark.parametrize("words", [["run", "PIPE"], ["sweep", "PIPE"], ["identify", "PIPE"], ["run", "--effects=PIPE"]])
-def test_pipes_and_devices_are_refused_at_once(tmp_path, words):
+COMMANDS = [
+    ["run", "PLACE"],
+    ["run", "--effects=PLACE"],
+    ["sweep", "PLACE"],
+    ["sweep", "gain-delay", "--evaluator=PLACE"],
+    ["stability", "PLACE"],
+    ["show", "PLACE"],
+    ["export", "PLACE"],
+    ["fmu", "PLACE"],
+    ["data", "PLACE"],
+    ["identify", "PLACE"],
+    ["identify", "d.csv", "--description=PLACE"],
+    ["close-loop", "d.csv", "--effects=PLACE"],
+    ["robot", "PLACE"],
+]
+"""Every command with the places where it takes a file."""
+NAMED = {
+    "fmu": ["run", "s.toml"],
+    "recording": ["run", "s.toml"],
+    "source": ["run", "x"],
+    "beside": ["identify", "d.csv"],
+    "effects": ["sweep", "w.toml"],
+}
+"""Files that name others, and the command that reads them."""
+
+
+@pytest.fixture
+def strange(tmp_path):
+    """A folder with a pipe that nobody writes to and the files of the commands."""
     os.mkfifo(tmp_path / "pipe")
-    for place in (str(tmp_path / "pipe"), "/dev/zero"):
-        done = command(*(word.replace("PIPE", place) for word in words), cwd=tmp_path)
-        assert done.returncode == 2 and "got a device or a pipe" in done.stderr
+    time = np.arange(500) * 1e-3
+    table = np.column_stack([time, *(np.sin((3 + k) * time) for k in range(6))])
+    np.savetxt(tmp_path / "d.csv", table, delimiter=",", header="time,q1,q2,q3,tau1,tau2,tau3", comments="")
+    return tmp_path
+
+
+def refused(folder, words, monkeypatch, capsys):
+    """What a command says that ends with 2."""
+    monkeypatch.chdir(folder)
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    return capsys.readouterr().err
+
+
+@pytest.mark.timeout(60)  # a pipe that is opened is waited for
+@pytest.mark.parametrize("place", ["pipe", "/dev/zero"])
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_pipes_and_devices_are_refused_at_once(strange, words, place, monkeypatch, capsys):
+    if words[-1] == "--evaluator=PLACE":
+        (strange / "e.py").symlink_to(strange / "pipe" if place == "pipe" else place)
+        place = "e.py"
+    told = refused(strange, [word.replace("PLACE", place) for word in words], monkeypatch, capsys)
+    assert "got a device or a pipe" in told and "write it to a file first" in told
+
+
+@pytest.mark.timeout(60)  # a pipe that is opened is waited for
+@pytest.mark.parametrize("place", ["pipe", "/dev/zero"])
+@pytest.mark.parametrize("named", NAMED)
+def test_a_pipe_that_a_file_names_is_refused_at_once(strange, named, place, monkeypatch, capsys):
+    component = {"fmu": f"fmu = {place!r}", "recording": f"recording = {place!r}\ncolumns = ['q']"}.get(named, "")
+    (strange / "s.toml").write_text(f"connections = []\n[experiment]\nstop = 1.0\n[components.a]\n{component}\n")
+    axes = "[[axes]]\nname = 'k'\npaths = ['controller_*.stiffness']\nlow = 1.0\nhigh = 2.0\n[grid]\n"
+    (strange / "w.toml").write_text(f"scenario = 'sallam-nodelay'\neffects = {place!r}\n{axes}")
+    (strange / "x").mkdir()
+    component = f"<ssd:Component name='a' source='{'../pipe' if place == 'pipe' else place}'/>"
+    (strange / "x/SystemStructure.ssd").write_text(
+        f"<ssd:SystemStructureDescription name='x' version='1.0' xmlns:ssd='{NAMESPACES['ssd']}'><ssd:System name='s'>"
+        f"<ssd:Elements>{component}</ssd:Elements></ssd:System></ssd:SystemStructureDescription>"
+    )
+    if named == "beside":
+        (strange / "d.toml").symlink_to(strange / "pipe" if place == "pipe" else place)
+    told = refused(strange, NAMED[named], monkeypatch, capsys)
+    assert "a device or a pipe" in told or (named == "source" and "expected a file as source" in told), told
 
 
 UNFED = "warning: good: nothing feeds u, which stays at the start value; wire it, or give it one in parameters\n"

@@ -5,12 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from build_fmus.scratch import workspace
+from build_fmus.unpacking import unpack
 from tests.support.paths import DATA
 
 pytestmark = pytest.mark.needs("proc")
@@ -137,6 +139,7 @@ def test_a_folder_of_a_dead_process_is_removed_and_that_of_a_living_one_is_not(t
 import sys
 from pathlib import Path
 from build_fmus.scratch import workspace
+from build_fmus.unpacking import unpack
 with workspace(Path({str(tmp_path)!r})) as folder:
     print(folder, flush=True)
     sys.stdin.read()
@@ -152,3 +155,29 @@ with workspace(Path({str(tmp_path)!r})) as folder:
         assert set(tmp_path.iterdir()) == {folders[1], mine}
     living.communicate("")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_archive_whose_unpacking_was_killed_leaves_nothing_after_the_repeat(tmp_path):
+    archive, folder = tmp_path / "a.zip", tmp_path / "cache/contents"
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr("first", bytes(1000))
+        file.writestr("second", bytes(1000))
+    program = f"""
+import sys, zipfile
+from pathlib import Path
+from build_fmus.unpacking import unpack
+extract = zipfile.ZipFile.extract
+def slow(self, member, *more):
+    extract(self, member, *more)
+    print("one member is there", flush=True)
+    sys.stdin.read()
+zipfile.ZipFile.extract = slow
+unpack(Path({str(archive)!r}), Path({str(folder)!r}))
+"""
+    process = subprocess.Popen([PYTHON, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "one member is there\n"
+    process.kill()
+    process.communicate()
+    assert not folder.exists() and list(folder.parent.rglob("first"))
+    unpack(archive, folder)
+    assert list(folder.parent.iterdir()) == [folder] and {p.name for p in folder.iterdir()} == {"first", "second"}

@@ -16,7 +16,7 @@ from cosim.report.plots import Figure, Plot, curves
 from cosim.report.run import run_report
 from cosim.report.wiring import block_diagram, place
 from cosim.results.summary import Judged
-from cosim.scenario import Component, load_scenario, with_parameters
+from cosim.scenario import Component, load_scenario
 from tests.support.fakes import MODELS, FakeSystem, oscillator, scenario
 
 
@@ -141,7 +141,7 @@ def test_gains_in_the_diagram_have_their_units(name, gains):
 
 
 def test_gains_that_differ_are_shown_for_every_axis():
-    made = with_parameters(load_scenario("sallam-stable"), {"controller_l.stiffness": [150.0, 10.0, 10.0]})
+    made = load_scenario("sallam-stable").with_values({"controller_l.stiffness": [150.0, 10.0, 10.0]})
     with open_system(made) as system:
         assert ">K 150, 10, 10 N/m<" in block_diagram(system.wiring(made))
 

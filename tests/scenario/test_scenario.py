@@ -13,7 +13,6 @@ from cosim.scenario import (
     shipped,
     start_values,
     to_toml,
-    with_parameters,
 )
 
 GOOD = """
@@ -127,9 +126,9 @@ def test_overrides(write):
 
 
 def test_a_whole_vector_replaces_its_elements(write):
-    scenario = with_parameters(load_scenario(write(GOOD)), {"a.q[2]": 7.0})
+    scenario = load_scenario(write(GOOD)).with_values({"a.q[2]": 7.0})
     assert list(start_values(scenario.components["a"])) == ["k", "q", "q[2]"]
-    assert start_values(with_parameters(scenario, {"a.q": [4, 5, 6]}).components["a"]) == {"k": 1.0, "q": [4, 5, 6]}
+    assert start_values(scenario.with_values({"a.q": [4, 5, 6]}).components["a"]) == {"k": 1.0, "q": [4, 5, 6]}
 
 
 def test_a_parameter_set_is_expanded_and_overridden(write):

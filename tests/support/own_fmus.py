@@ -8,7 +8,7 @@ from attrs import evolve
 from build_fmus.build import BuildJob, build
 from build_fmus.compiler import this_platform
 from build_fmus.table import DefaultExperiment, Head, ModelTable, ModelVariable
-from cosim.scenario import Scenario, load_scenario, with_parameters
+from cosim.scenario import Scenario, load_scenario
 
 STATIC = b"""
 static void outputs(Model *m, double t) {
@@ -99,4 +99,4 @@ def own_loop(fmu: Path, values: dict[str, object] | None = None) -> Scenario:
         "arm_l.dq_start": [1e-3, 1e-3, 1e-3],
         "arm_r.dq_start": [-1e-3, -1e-3, -1e-3],
     }
-    return with_parameters(evolve(scenario, components=components), small | (values or {}))
+    return evolve(scenario, components=components).with_values(small | (values or {}))

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.engine.master import Result, run
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 
 SIDES = {"controller_l.side": "local", "controller_r.side": "remote"}
 RELEASED = {
@@ -18,7 +18,7 @@ RELEASED = {
 def teleoperate(model: str, values: Mapping[str, object], stop: float = 2.0) -> Result:
     """A run with `model` on both sides and values at paths."""
     given = {"controller_*.model": model, "experiment.stop": stop, "experiment.record_every": 1}
-    return run(with_parameters(load_scenario("controllers"), given | dict(values)))
+    return run(load_scenario("controllers").with_values(given | dict(values)))
 
 
 def vector(result: Result, name: str) -> np.ndarray:

@@ -17,7 +17,7 @@ from cosim.engine.master import run
 from cosim.engine.native import NativePhase, check_layout
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import drawn
 from cosim.sweeps.points import Point
@@ -29,8 +29,8 @@ RELATIVE = 1e-12
 
 def settings(name, stop, *values):
     """Scenarios that differ in the given values, with their system."""
-    base = with_parameters(load_scenario(name), {"experiment.stop": stop, "experiment.record_every": 1})
-    return [with_parameters(base, one) for one in values]
+    base = load_scenario(name).with_values({"experiment.stop": stop, "experiment.record_every": 1})
+    return [base.with_values(one) for one in values]
 
 
 def worst(one, other):
@@ -116,11 +116,9 @@ def test_a_lane_with_payload_a_leaning_base_and_a_wall_beside_others_without():
 
 def test_inputs_that_nothing_is_wired_into_keep_their_start_values():
     """The controllers pull towards a place of their own, arm_l is pushed: as the FMUs do, lane by lane."""
-    base = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 0.5, "experiment.record_every": 1})
+    base = load_scenario("sallam-stable").with_values({"experiment.stop": 0.5, "experiment.record_every": 1})
     unwired = evolve(base, connections=tuple(c for c in base.connections if "controller_l.x_ref" not in str(c)))
-    found = check(
-        [with_parameters(unwired, {"controller_l.x_ref": x, "arm_l.tau": 0.01 * x}) for x in (0.0, 0.02, -0.05)]
-    )
+    found = check([unwired.with_values({"controller_l.x_ref": x, "arm_l.tau": 0.01 * x}) for x in (0.0, 0.02, -0.05)])
     assert len({result.signals["controller_r.f[1]"][-1] for result in found}) == 3
 
 
@@ -182,13 +180,13 @@ REFUSED = {
 
 @pytest.mark.parametrize("words", REFUSED)
 def test_refusals_in_words(words):
-    scenario = with_parameters(load_scenario("sallam-stable"), REFUSED[words])
+    scenario = load_scenario("sallam-stable").with_values(REFUSED[words])
     with open_system(scenario) as system:
         assert kernel.refusal(system.wiring(scenario), RECORD) == words
 
 
 def test_leaves_long_runs_to_the_executor_whose_table_may_lie_on_disk():
-    scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 1e7})
+    scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 1e7})
     with open_system(scenario) as system:
         assert "GB of memory" in kernel.refusal(system.wiring(scenario), RECORD)
 
@@ -266,22 +264,22 @@ from cosim.engine import compiled
 from cosim.fmu import open_system
 from cosim.engine.master import run
 from cosim.engine.native import NativePhase, check_layout
-from cosim.scenario import load_scenario, with_parameters
+from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 library = ctypes.CDLL(os.environ["SANITIZED"])
-scenario = with_parameters(load_scenario("sallam-stable"), {"experiment.stop": 0.2, "experiment.record_every": 1})
+scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 0.2, "experiment.record_every": 1})
 """
 SANITIZED_RUN = {
     "executor": _SETUP
     + """
 compiled._library = lambda: compiled.prepared(library)
 for fmi in (2, 3):
-    one = with_parameters(scenario, {"experiment.fmi": fmi})
+    one = scenario.with_values({"experiment.fmi": fmi})
     with open_system(one) as system:
         for key, value in (("step", 0.001), ("algorithm", "jacobi"), ("record_every", 7), ("bound", 0.3)):
             values = {f"experiment.{key}": value}
-            run(with_parameters(one, values), system)
-            run(with_parameters(one, values), system, record=["arm_l.q"])
+            run(one.with_values(values), system)
+            run(one.with_values(values), system, record=["arm_l.q"])
 print("done")
 """,
     "kernel": _SETUP
@@ -290,7 +288,7 @@ kernel._library = lambda: kernel.prepared(library)
 with open_system(scenario) as system:
     values = [{"controller_*.stiffness": 0.1 * k, "arm_*.coulomb": 0.01 * (k % 2), "arm_l.q_start[1]": 0.01 * k}
               for k in range(1, 7)]
-    wirings = [system.wiring(with_parameters(scenario, some)) for some in values]
+    wirings = [system.wiring(scenario.with_values(some)) for some in values]
     kernel.run_batch(wirings, ["arm_l.q", "operator.f", "channel_lr.y"], workers=2)
 print("done")
 """,

@@ -28,6 +28,33 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
 @frozen
+class Linear:
+    """A linear change of a number on its way: factor value + offset."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __call__(self, value: float) -> float:
+        """The changed number; the same bits where nothing changes."""
+        return value if self == Linear() else self.factor * value + self.offset
+
+    def after(self, first: "Linear") -> "Linear":
+        """The change that does another one first, then this one."""
+        if Linear() in (self, first):
+            return first if self == Linear() else self
+        return Linear(self.factor * first.factor, self.factor * first.offset + self.offset)
+
+    def commutes(self, other: "Linear") -> bool:
+        """Whether it does not matter which of the two comes first."""
+        one, two = self.after(other).offset, other.after(self).offset
+        return math.isclose(one, two, rel_tol=1e-12, abs_tol=1e-300)
+
+    def __str__(self) -> str:
+        words = [f"times {self.factor!r}"] if self.factor != 1.0 or not self.offset else []
+        return " ".join(words + ([f"plus {self.offset!r}"] if self.offset else []))
+
+
+@frozen
 class Unit:
     """A unit string and, where the FMU defines it, its exponents over BASE_UNITS, its factor and its offset.
 
@@ -40,26 +67,26 @@ class Unit:
     offset: float = 0.0
 
     def joins(self, other: "Unit") -> bool:
-        """Whether a signal may be wired to one of the other unit as it is: same dimension, radians counted, same
-        scale.
-        """
-        return self.towards(other) == (1.0, 0.0)
+        """Whether a signal may be wired to one of the other unit as it is."""
+        return self.towards(other) == Linear()
 
-    def towards(self, other: "Unit") -> tuple[float, float] | None:
-        """Gain and shift that turn a value of this unit into one of the other; None where the dimensions differ."""
-        same = plain_unit(self.name) == plain_unit(other.name) and not self._differs(other)
-        if not self.name or not other.name or same:
-            return 1.0, 0.0
-        if self.exponents is None or other.exponents is None or self.exponents != other.exponents:
+    def towards(self, other: "Unit") -> Linear | None:
+        """What turns a value of this unit into one of the other; None where the dimensions differ.
+
+        The base units of FMI and SSP decide where both are defined; else the spelling does. Radians count as a
+        dimension, between units of two names: tools define `rad` with and without an exponent of its own.
+        """
+        if not self.name or not other.name:
+            return Linear()
+        same = plain_unit(self.name) == plain_unit(other.name)
+        if self.exponents is None or other.exponents is None:
+            return Linear() if same else None
+        counted = len(BASE_UNITS) - 1 if same else len(BASE_UNITS)
+        if self.exponents[:counted] != other.exponents[:counted]:
             return None
         if (self.factor, self.offset) == (other.factor, other.offset):
-            return 1.0, 0.0
-        return self.factor / other.factor, (self.offset - other.offset) / other.factor
-
-    def _differs(self, other: "Unit") -> bool:
-        """Whether both define what they mean, and mean different things."""
-        defined = self.exponents is not None and other.exponents is not None
-        return defined and (self.exponents, self.factor, self.offset) != (other.exponents, other.factor, other.offset)
+            return Linear()
+        return Linear(self.factor / other.factor, (self.offset - other.offset) / other.factor)
 
     @property
     def of_motion(self) -> bool:

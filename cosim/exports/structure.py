@@ -212,7 +212,8 @@ def _units(root: xml.Element, descriptions: Mapping[str, FmuDescription]) -> Non
 
 def _base(unit: Unit) -> dict[str, str]:
     exponents = {key: str(n) for key, n in zip(_EXPONENTS, unit.exponents or ()) if n}
-    return exponents | ({"factor": repr(unit.factor)} if unit.factor != 1.0 else {})
+    scale = {"factor": (unit.factor, 1.0), "offset": (unit.offset, 0.0)}
+    return exponents | {key: repr(value) for key, (value, usual) in scale.items() if value != usual}
 
 
 def _experiment(root: xml.Element, wiring: Wiring) -> None:

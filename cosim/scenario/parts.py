@@ -6,7 +6,7 @@ from pathlib import Path
 
 from attrs import field, frozen
 
-from cosim.signals import Signal
+from cosim.signals import Linear, Signal
 
 FORMAT = 1
 NANOSECONDS = 1_000_000_000
@@ -135,15 +135,17 @@ class Component:
 class Connection:
     """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`).
 
-    conversion: what is done where the types differ, written `a.x -> b.n (round)`; None: they must not.
+    conversion: what is done where the types differ, written `a.x -> b.n (round)`; None: they must not. Or a linear
+    change of the number, `a.x -> b.u (times 1.8 plus 32.0)`, which stands in place of a conversion of units.
     """
 
     source: Signal
     target: Signal
-    conversion: Conversion | None = None
+    conversion: Conversion | Linear | None = None
 
     def __str__(self) -> str:
-        wish = f" ({self.conversion.value})" if self.conversion else ""
+        wished = self.conversion.value if isinstance(self.conversion, Conversion) else self.conversion
+        wish = f" ({wished})" if wished else ""
         return f"{self.source} -> {self.target}{wish}"
 
 

@@ -1,5 +1,6 @@
 """From TOML to a scenario: unknown keys and wrong types are collected as problems."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from enum import Enum
@@ -12,7 +13,7 @@ from attrs import AttrsInstance, fields
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.opening import read_toml
 from cosim.scenario.parts import Algorithm, Connection, Conversion, Extrapolation, FmuLogging
-from cosim.signals import Signal
+from cosim.signals import Linear, Signal
 
 Record = TypeVar("Record", bound=AttrsInstance)
 
@@ -118,7 +119,8 @@ def _key(error: Exception) -> str:
     return f".{error.args[0]}" if isinstance(error, KeyError) and error.args else ""
 
 
-_WIRE = re.compile(r"^\s*(?P<source>\S.*?)\s*->\s*(?P<target>\S.*?)(\s+\((?P<wish>\w+)\))?\s*$")
+_WIRE = re.compile(r"^\s*(?P<source>\S.*?)\s*->\s*(?P<target>\S.*?)(\s+\((?P<wish>\w+|(times|plus)\b[^()]*)\))?\s*$")
+_CHANGE = re.compile(r"^(times +(?P<factor>\S+))?( *plus +(?P<offset>\S+))?$")
 
 
 def connections_of(entries: object, known: set[str], where: str, problems: list[Problem]) -> tuple[Connection, ...]:
@@ -133,8 +135,9 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
         if match is None or not all("." in match[end] for end in ("source", "target")):
             problems.append(Problem(place, "'component.output -> component.input'", repr(entry)))
             continue
-        wishes = [conversion.value for conversion in Conversion]
-        if match["wish"] is not None and match["wish"] not in wishes:
+        wish = _wish(match["wish"])
+        if match["wish"] is not None and wish is None:
+            wishes = [*(conversion.value for conversion in Conversion), "times 2.0 plus 1.0"]
             advice = did_you_mean(match["wish"], wishes)
             problems.append(Problem(place, f"({') or ('.join(wishes)})", f"({match['wish']})", advice))
             continue
@@ -147,6 +150,17 @@ def connections_of(entries: object, known: set[str], where: str, problems: list[
             for s in strangers
         ]
         if not strangers:
-            wish = Conversion(match["wish"]) if match["wish"] else None
             found.append(Connection(ends[0], ends[1], wish))
     return tuple(found)
+
+
+def _wish(text: str | None) -> Conversion | Linear | None:
+    """What the brackets behind a connection say; None for what cannot be read, and a factor of 0."""
+    if text in [conversion.value for conversion in Conversion]:
+        return Conversion(text)
+    match = _CHANGE.match(text or "")
+    try:
+        change = Linear(*(float(match[key] or usual) for key, usual in (("factor", 1.0), ("offset", 0.0))))
+    except (TypeError, ValueError):
+        return None
+    return change if text and change.factor and math.isfinite(change.factor * change.offset) else None

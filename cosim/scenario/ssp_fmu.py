@@ -9,7 +9,8 @@ from attrs import field, frozen
 
 from cosim.scenario.ssp_document import Element, Findings, parse_xml
 from cosim.scenario.ssp_grammar import REAL, WHOLE
-from cosim.scenario.ssp_units import UnitScale, unit_scale
+from cosim.scenario.ssp_units import Units, defined_unit
+from cosim.signals import Unit
 
 _MOST = 500_000_000  # bytes of one model description
 
@@ -31,7 +32,11 @@ class FmuFace:
     """Variables of an FMU by name, and the units that it defines."""
 
     variables: Mapping[str, FmuVariable]
-    units: Mapping[str, UnitScale]
+    units: Units
+
+    def unit(self, variable: FmuVariable) -> Unit:
+        """The unit of a variable, as the FMU defines it."""
+        return self.units.get(variable.unit, Unit(variable.unit))
 
 
 def read_face(fmu: Path, label: str) -> FmuFace | None:
@@ -52,7 +57,7 @@ def read_face(fmu: Path, label: str) -> FmuFace | None:
 
 def _face(root: Element, findings: Findings) -> FmuFace:
     units = {
-        u.get("name", ""): unit_scale(b, findings)
+        u.get("name", ""): defined_unit(u.get("name", ""), b, findings)
         for u in root.iterfind("UnitDefinitions/Unit")
         for b in u
         if b.tag == "BaseUnit"

@@ -12,11 +12,12 @@ from pathlib import Path
 from attrs import field, frozen
 
 from cosim.errors import did_you_mean
-from cosim.scenario.ssp_document import Element, Findings, children, first, parse, real, required, truth
+from cosim.scenario.ssp_document import Element, Findings, children, first, parse, required, truth
 from cosim.scenario.ssp_files import SspFiles
 from cosim.scenario.ssp_fmu import FmuFace, read_face
 from cosim.scenario.ssp_grammar import short
-from cosim.scenario.ssp_units import Units
+from cosim.scenario.ssp_units import Units, transformation
+from cosim.signals import Linear
 
 ElementPath = tuple[str, ...]
 _FMU = "application/x-fmu-sharedlibrary"
@@ -35,11 +36,15 @@ class End:
 
 @frozen
 class Passage:
-    """A connection towards an end: `converts` is false where it forbids the conversion of units."""
+    """A connection towards an end.
+
+    converts: false where it forbids the conversion of units; change: a linear transformation beside that conversion.
+    """
 
     end: End
     element: Element
     converts: bool = True
+    change: Linear | None = None
 
 
 @frozen
@@ -217,22 +222,26 @@ def _connect(connection: Element, system: ElementPath, tree: SspTree, units: Uni
         both = f"two that {'give' if start == 'source' else 'take'} one" if start else "two that may do both"
         findings.refuse(connection, "a connector that gives a signal and one that takes it", both)
         return
-    _check_transformation(connection, findings)
+    change = _change(connection, start == "source", findings)
     converts = not truth(connection, "suppressUnitConversion", findings, False)
     source, target = ends if start == "source" else ends[::-1]
-    tree.passages.setdefault(source, []).append(Passage(target, connection, converts))
+    tree.passages.setdefault(source, []).append(Passage(target, connection, converts, change))
 
 
-def _check_transformation(connection: Element, findings: Findings) -> None:
-    for child in connection:
-        name = short(child.tag)
-        if not name.endswith("Transformation"):
-            continue
-        linear = name == "ssc:LinearTransformation"
-        if not linear or (real(child, "factor", findings, 1.0), real(child, "offset", findings, 0.0)) != (1.0, 0.0):
-            findings.refuse(
-                child, "a connection that passes values as they are", f"<{name}>", "transform in a component"
-            )
+def _change(connection: Element, forward: bool, findings: Findings) -> Linear | None:
+    """The linear transformation of a connection; other ones are refused, and one that points against the signal."""
+    found = [child for child in connection if short(child.tag).endswith("Transformation")]
+    if not found:
+        return None
+    name = short(found[0].tag)
+    if len(found) > 1 or name != "ssc:LinearTransformation":
+        got = f"{len(found)} of them" if len(found) > 1 else f"<{name}>"
+        findings.refuse(found[0], "one linear transformation", got, "transform in a component")
+        return None
+    change = transformation(found[0], findings)
+    if not forward and change != Linear():
+        findings.refuse(found[0], "a transformation from the start to the end", "a signal that goes from end to start")
+    return change
 
 
 def _end(

@@ -1,53 +1,53 @@
-"""Units and enumerations that the files of an SSP and its FMUs define, and values turned from one unit into another."""
+"""Units, enumerations and linear transformations as the files of an SSP and its FMUs define them."""
 
 from collections.abc import Iterable, Mapping
 
-from attrs import frozen
-
 from cosim.scenario.ssp_document import Element, Findings, children, first, real, required, whole
-from cosim.signals import BASE_UNITS, plain_unit
+from cosim.signals import BASE_UNITS, Linear, Unit
+
+Units = Mapping[str, Unit]
 
 
-@frozen
-class UnitScale:
-    """What a unit means: a value in it is factor value + offset in SI base units of these exponents."""
-
-    exponents: tuple[int, ...]
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def turns(self, other: "UnitScale") -> bool:
-        """Whether values can be turned into the other unit: both are of one dimension."""
-        return self.exponents == other.exponents
-
-    def into(self, value: float, other: "UnitScale") -> float:
-        """A value of this unit in the other one, of the same dimension."""
-        if self == other:
-            return value
-        return (self.factor * value + (self.offset - other.offset)) / other.factor
-
-
-Units = Mapping[str, UnitScale]
-
-
-def units_in(elements: Iterable[Element], findings: Findings) -> dict[str, UnitScale]:
+def units_in(elements: Iterable[Element], findings: Findings) -> dict[str, Unit]:
     """Units by name that <ssc:Unit> elements define; those without a base unit are left out."""
     found = {}
     for unit in elements:
         base = first(unit, "ssc:BaseUnit")
         if base is not None:
-            found[required(unit, "name", findings)] = unit_scale(base, findings)
+            name = required(unit, "name", findings)
+            found[name] = defined_unit(name, base, findings)
     return found
 
 
-def unit_scale(base: Element, findings: Findings) -> UnitScale:
-    """The scale that a <BaseUnit> of SSP or FMI declares."""
-    exponents = tuple(whole(base, name, findings, 0) for name in BASE_UNITS)
-    factor = real(base, "factor", findings, 1.0)
+def defined_unit(name: str, base: Element, findings: Findings) -> Unit:
+    """The unit that a <BaseUnit> of SSP or FMI defines."""
+    exponents = tuple(whole(base, key, findings, 0) for key in BASE_UNITS)
+    return Unit(name, exponents, _factor(base, findings), real(base, "offset", findings, 0.0))
+
+
+def _factor(element: Element, findings: Findings) -> float:
+    factor = real(element, "factor", findings, 1.0)
     if factor == 0.0:
-        findings.refuse(base, "a factor other than 0", "0")
-        factor = 1.0
-    return UnitScale(exponents, factor, real(base, "offset", findings, 0.0))
+        findings.refuse(element, "a factor other than 0", "0")
+        return 1.0
+    return factor
+
+
+def transformation(element: Element, findings: Findings) -> Linear:
+    """What a <ssc:LinearTransformation> does."""
+    return Linear(_factor(element, findings), real(element, "offset", findings, 0.0))
+
+
+def both(turn: Linear, change: Linear, element: Element, findings: Findings) -> Linear:
+    """A conversion of units and a linear transformation together; a problem where the order would matter."""
+    if not turn.commutes(change):
+        findings.refuse(
+            element,
+            "units to convert or a transformation, or two of which either may come first",
+            f"a conversion ({turn}) and a transformation ({change})",
+            "SSP does not say which comes first; suppressUnitConversion leaves the transformation alone",
+        )
+    return change.after(turn)
 
 
 def items_in(elements: Iterable[Element], findings: Findings) -> dict[str, dict[str, int]]:
@@ -59,16 +59,3 @@ def items_in(elements: Iterable[Element], findings: Findings) -> dict[str, dict[
         }
         for enumeration in elements
     }
-
-
-def same_unit(one: str, other: str, of_one: UnitScale | None, of_other: UnitScale | None) -> bool:
-    """Whether values in two units are the same numbers.
-
-    Units of one name differ where their factors or offsets do; their exponents are not compared, because tools define
-    `rad` with and without an exponent of its own.
-    """
-    if of_one is None or of_other is None:
-        return plain_unit(one) == plain_unit(other)
-    if one == other:
-        return (of_one.factor, of_one.offset) == (of_other.factor, of_other.offset)
-    return of_one == of_other

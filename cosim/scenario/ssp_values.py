@@ -19,7 +19,8 @@ from cosim.scenario.ssp_document import (
 from cosim.scenario.ssp_files import SspFiles
 from cosim.scenario.ssp_fmu import FmuFace, FmuVariable
 from cosim.scenario.ssp_grammar import REAL, WHOLE, short
-from cosim.scenario.ssp_units import Units, items_in, same_unit, units_in
+from cosim.scenario.ssp_units import Units, both, items_in, transformation, units_in
+from cosim.signals import Linear, Unit
 
 Value = float | int | bool | str
 _TYPES = {
@@ -32,15 +33,14 @@ _TYPES = {
 class SspParameter:
     """A value as an SSP gives it: for the variable `name` of the element that it is bound to.
 
-    gain, shift: a linear transformation after the conversion of units; converts: whether units are converted at all.
+    change: a linear transformation beside the conversion of units; converts: whether units are converted at all.
     """
 
     name: str
     value: Value
     element: Element
     unit: str = ""
-    gain: float = 1.0
-    shift: float = 0.0
+    change: Linear = Linear()
     converts: bool = True
     units: Units = field(factory=dict)
     items: Mapping[str, int] = field(factory=dict)
@@ -157,11 +157,10 @@ def _transformed(parameter: SspParameter, entry: Element, findings: Findings) ->
     return evolve(target, value=_looked_up(parameter, held[0], findings), enumerated=parameter.enumerated)
 
 
-def _linear(target: SspParameter, transformation: Element, findings: Findings) -> SspParameter:
-    factor, offset = real(transformation, "factor", findings, 1.0), real(transformation, "offset", findings, 0.0)
+def _linear(target: SspParameter, element: Element, findings: Findings) -> SspParameter:
     if isinstance(target.value, (bool, str)):
-        findings.refuse(transformation, "a linear transformation of a number", f"{target.value!r}")
-    return evolve(target, gain=factor, shift=offset)
+        findings.refuse(element, "a linear transformation of a number", f"{target.value!r}")
+    return evolve(target, change=transformation(element, findings))
 
 
 def _looked_up(parameter: SspParameter, transformation: Element, findings: Findings) -> Value:
@@ -187,7 +186,7 @@ def start_value(parameter: SspParameter, variable: FmuVariable, face: FmuFace, f
         return None
     if variable.kind == "real":
         return _real(parameter, variable, face, findings)
-    if (parameter.gain, parameter.shift) != (1.0, 0.0):
+    if parameter.change != Linear():
         findings.refuse(parameter.element, f"a real {variable.name!r} to transform", f"one of type {variable.kind}")
         return None
     fitting = {
@@ -234,39 +233,25 @@ def _real(parameter: SspParameter, variable: FmuVariable, face: FmuFace, finding
     if number != parameter.value:
         findings.refuse(parameter.element, f"a number that a double holds for {variable.name!r}", str(parameter.value))
         return None
-    converted = _converted(number, parameter, variable, face, findings)
-    return None if converted is None else parameter.gain * converted + parameter.shift
+    turn = _turn(parameter, variable, face, findings)
+    return None if turn is None else both(turn, parameter.change, parameter.element, findings)(number)
 
 
-def _converted(
-    number: float, parameter: SspParameter, variable: FmuVariable, face: FmuFace, findings: Findings
-) -> float | None:
-    """The number in the unit of the FMU's variable."""
+def _turn(parameter: SspParameter, variable: FmuVariable, face: FmuFace, findings: Findings) -> Linear | None:
+    """What turns the number into the unit of the FMU's variable."""
     if not parameter.converts or not parameter.unit:
-        return number
-    mine = parameter.units.get(parameter.unit) or face.units.get(parameter.unit)
-    its = face.units.get(variable.unit)
-    if same_unit(parameter.unit, variable.unit, mine, its):
-        return number
+        return Linear()
     if not variable.unit:
-        findings.tell(
-            parameter.element, f"the unit {parameter.unit!r} is not used: {variable.name!r} has none in its FMU"
-        )
-        return number
-    if mine is None or its is None or not mine.turns(its):
+        told = f"the unit {parameter.unit!r} is not used: {variable.name!r} has none in its FMU"
+        findings.tell(parameter.element, told)
+    mine = parameter.units.get(parameter.unit) or face.units.get(parameter.unit) or Unit(parameter.unit)
+    turn = mine.towards(face.unit(variable))
+    if turn is None:
+        undefined = f"{parameter.unit!r} has no definition"
         findings.refuse(
             parameter.element,
             f"a value in {variable.unit!r}, the unit of {variable.name!r} in its FMU",
             f"one in {parameter.unit!r}",
-            f"{parameter.unit!r} has no definition" if mine is None else "units of other dimensions are not converted",
+            undefined if mine.exponents is None else "units of other dimensions are not converted",
         )
-        return None
-    if parameter.shift:
-        findings.refuse(
-            parameter.element,
-            "units or an offset to convert, not both",
-            f"{parameter.unit!r} to {variable.unit!r} and an offset of {parameter.shift:g}",
-            "SSP does not say which comes first",
-        )
-        return None
-    return mine.into(number, its)
+    return turn

@@ -8,8 +8,8 @@ from cosim.scenario.ssp_document import Element, Findings
 from cosim.scenario.ssp_fmu import FmuVariable, kind_of
 from cosim.scenario.ssp_grammar import short
 from cosim.scenario.ssp_tree import End, Passage, SspTree, starts
-from cosim.scenario.ssp_units import Units, same_unit
-from cosim.signals import Signal
+from cosim.scenario.ssp_units import Units, both
+from cosim.signals import Linear, Signal, Unit
 
 
 def wires(tree: SspTree, units: Units, findings: Findings) -> Iterator[Connection]:
@@ -21,8 +21,8 @@ def wires(tree: SspTree, units: Units, findings: Findings) -> Iterator[Connectio
             if _kind(stop, tree) == "parameter":
                 findings.refuse(way[-1].element, "an input at the end of a connection", f"parameter {stop.connector!r}")
                 continue
-            _check_units(start, way, tree, units, findings)
-            yield Connection(_signal(start, tree), _signal(stop, tree))
+            change = _change(start, way, tree, units, findings)
+            yield Connection(_signal(start, tree), _signal(stop, tree), change)
 
 
 def _signal(end: End, tree: SspTree) -> Signal:
@@ -65,8 +65,7 @@ def check_connectors(tree: SspTree, units: Units, findings: Findings) -> None:
         if not _fits(kind, variable.kind):
             findings.refuse(connector, f"type {variable.kind}, as the FMU says of {variable.name!r}", kind)
         unit = declared.get("unit", "")
-        scales = units.get(unit), component.face.units.get(variable.unit)
-        if unit and variable.unit and not same_unit(unit, variable.unit, *scales):
+        if not (units.get(unit) or Unit(unit)).joins(component.face.unit(variable)):
             findings.refuse(connector, f"unit {variable.unit!r}, as the FMU says of {variable.name!r}", repr(unit))
 
 
@@ -75,42 +74,36 @@ def _fits(kind: str, of_fmu: str) -> bool:
     return kind == of_fmu or {kind, of_fmu} == {"integer", "Enumeration"}
 
 
-def _unit(end: End, tree: SspTree) -> str:
-    """The unit of a connector: its own, else that of the FMU's variable."""
-    declared, variable = _type(tree.connectors.get(end)), _variable(end, tree)
-    own = "" if declared is None else declared.get("unit", "")
-    return own or ("" if variable is None else variable.unit)
+def _unit(end: End, tree: SspTree, units: Units) -> Unit:
+    """The unit of a connector: that of the FMU's variable, else its own."""
+    component, variable = tree.components.get(end.path), _variable(end, tree)
+    if component is not None and component.face is not None and variable is not None and variable.unit:
+        return component.face.unit(variable)
+    declared = _type(tree.connectors.get(end))
+    name = "" if declared is None else declared.get("unit", "")
+    return units.get(name, Unit(name))
 
 
-def _check_units(start: End, way: list[Passage], tree: SspTree, units: Units, findings: Findings) -> None:
-    """Problems of units along a way that the wiring does not see: those of the FMUs alone are its own to check."""
-    known = dict(units)
-    for end in (start, way[-1].end):
-        component = tree.components[end.path]
-        known = {**(component.face.units if component.face else {}), **known}
-    unit = _unit(start, tree)
+def _change(start: End, way: list[Passage], tree: SspTree, units: Units, findings: Findings) -> Linear | None:
+    """What happens to a value along a way; None where it is what the wiring does by itself: it turns the unit of the
+    one FMU into that of the other.
+    """
+    total, unit = Linear(), _unit(start, tree, units)
     for passage in way:
-        reached = _unit(passage.end, tree)
-        if not unit or not reached:
-            unit = unit or reached
-            continue
-        one, other = known.get(unit), known.get(reached)
-        alike = same_unit(unit, reached, one, other)
-        if not alike and (one is None or other is None or not one.turns(other)):
-            findings.refuse(passage.element, f"the unit {reached!r} of {passage.end.connector!r}", repr(unit))
-        elif not alike and not passage.converts:
-            findings.refuse(passage.element, f"{unit!r} turned into {reached!r}", "suppressUnitConversion")
-        unit = reached
-    _check_ends(start, way, tree, known, findings)
+        reached = _unit(passage.end, tree, units)
+        turn = unit.towards(reached) if passage.converts else Linear()
+        if turn is None:
+            findings.refuse(passage.element, f"the unit {reached.name!r} of {passage.end.connector!r}", repr(unit.name))
+            return None
+        step = turn if passage.change is None else both(turn, passage.change, passage.element, findings)
+        total, unit = step.after(total), reached if reached.name else unit
+    return None if total == _wired(start, way[-1].end, tree) else total
 
 
-def _check_ends(start: End, way: list[Passage], tree: SspTree, known: Units, findings: Findings) -> None:
-    """A conversion that only the connectors ask for: the wiring knows the units of the FMUs only."""
-    ends = (start, way[-1].end)
-    variables = [_variable(end, tree) for end in ends]
-    one, other = (_unit(end, tree) for end in ends)
-    told = all(variable is not None and variable.unit for variable in variables)
-    if not told and one and other and not same_unit(one, other, known.get(one), known.get(other)):
-        findings.refuse(
-            way[-1].element, f"FMUs that declare their units, to turn {one!r} into {other!r}", "one that has none"
-        )
+def _wired(start: End, stop: End, tree: SspTree) -> Linear | None:
+    """What the wiring does, which knows the units of the FMUs only."""
+    found = []
+    for end in (start, stop):
+        face, variable = tree.components[end.path].face, _variable(end, tree)
+        found.append(Unit("") if face is None or variable is None else face.unit(variable))
+    return found[0].towards(found[1])

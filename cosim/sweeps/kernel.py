@@ -146,7 +146,7 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
         if str(link.source) not in places.number:
             return f"{link.source} is wired, which the kernel does not compute"
         if link.scaled:
-            return f"{link.source} changes its unit on the way, which the kernel does not compute"
+            return f"{link.source} is changed on the way, which the kernel does not compute"
     stems = {stem(name) for name in places.number}
     missing = [name for name in record if name not in places.number and name not in stems]
     return f"{missing[0]} is to be recorded, which the kernel does not compute" if missing else None

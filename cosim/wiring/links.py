@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Connection, Extrapolation, Scenario
-from cosim.signals import FmuDescription, Signal, is_real, stem
+from cosim.signals import FmuDescription, Linear, Signal, is_real, stem
 from cosim.wiring.types import type_problems
 from cosim.wiring.wiring import Link
 
@@ -23,7 +23,8 @@ def links_of(scenario: Scenario, descriptions: Mapping[str, FmuDescription], pro
                 Problem(f"connection {connection}", f"as many inputs as outputs ({len(sources)})", str(len(targets)))
             )
             continue
-        problems += _unit_problems(connection, sources, targets, descriptions)
+        if not isinstance(connection.conversion, Linear):
+            problems += _unit_problems(connection, sources, targets, descriptions)
         problems += type_problems(connection, sources, targets, descriptions)
         links += [_link(scenario, connection, *pair, descriptions) for pair in zip(sources, targets)]
     return links
@@ -87,15 +88,16 @@ def _link(
     a, b = producer.variables[source], consumer.variables[target]
     wanted = scenario.experiment.extrapolation is Extrapolation.LINEAR
     able = consumer.takes_slopes and (not consumer.fmi.startswith("3") or b.slope is not None)
-    gain, shift = a.unit.towards(b.unit) or (1.0, 0.0)
+    wish = connection.conversion
+    change = wish if isinstance(wish, Linear) else a.unit.towards(b.unit) or Linear()
     linear = wanted and able and is_real(a) and is_real(b)
-    return Link(*ends, linear, gain, shift, connection.conversion, not b.exchanged)
+    return Link(*ends, linear, change.factor, change.offset, wish, not b.exchanged)
 
 
 def scaled_links(links: list[Link], descriptions: Mapping[str, FmuDescription]) -> list[str]:
     """A sentence for each pair of units that a connection turns into each other."""
     found: dict[tuple[str, ...], str] = {}
-    for link in (link for link in links if link.scaled):
+    for link in (link for link in links if link.scaled and not isinstance(link.conversion, Linear)):
         units = [descriptions[end.component].variables[end.variable].unit.name for end in (link.source, link.target)]
         ends = [f"{end.component}.{stem(end.variable)}" for end in (link.source, link.target)]
         shift = f" {'+' if link.shift > 0 else '-'} {abs(link.shift):.9g}" if link.shift else ""

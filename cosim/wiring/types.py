@@ -8,13 +8,14 @@
 | Enumeration | Enumeration | with the same items; else, and to and from numbers, `(number)` |
 | Boolean | Boolean | as it is; to a number `(number)`, from a number `(nonzero)` |
 | String, Binary | the same | as it is |
+| real or whole number | real | `(times 1.8 plus 32.0)`, in place of a conversion of units |
 """
 
 from collections.abc import Mapping
 
 from cosim.errors import Problem
 from cosim.scenario import Connection, Conversion
-from cosim.signals import FmuDescription, Variable
+from cosim.signals import FmuDescription, Linear, Variable
 
 _NUMBERS = ("real", "integer")
 _ROUNDING = (Conversion.ROUND, Conversion.FLOOR, Conversion.CEIL)
@@ -38,6 +39,9 @@ def _problem(connection: Connection, a: Variable, b: Variable) -> Problem | None
     where, wish, wishes = f"connection {connection}", connection.conversion, possible(a, b)
     if "Clock" in (a.kind, b.kind):
         return Problem(where, "variables with values", "a clock", "clocks are not connected here")
+    if isinstance(wish, Linear):
+        numbers = a.kind in _NUMBERS and b.kind == "real"
+        return None if numbers else Problem(where, f"numbers for ({wish})", f"{_words(a)} to {_words(b)}")
     if wish is not None and wish not in wishes:
         fitting = " or ".join(f"({w.value})" for w in wishes) or "no conversion: the types fit, or never do"
         return Problem(where, fitting, f"({wish.value}) from {_words(a)} to {_words(b)}")

@@ -6,15 +6,16 @@ from functools import cached_property
 from attrs import field, frozen
 
 from cosim.scenario import Connection, Conversion, Scenario
-from cosim.signals import FmuDescription, Signal, by_type
+from cosim.signals import FmuDescription, Linear, Signal, by_type
 from cosim.wiring.schedule import Schedule
 
 
 @frozen
 class Link:
-    """One scalar output wired to one scalar input: input = gain output + shift, which turns units into each other.
+    """One scalar output wired to one scalar input: input = gain output + shift, which turns units into each other, or
+    does what the scenario wishes.
 
-    conversion: what the scenario wishes to be done where the types differ; text: it carries a text or bytes.
+    conversion: what the scenario wishes to be done to the value; text: it carries a text or bytes.
     """
 
     source: Signal
@@ -22,7 +23,7 @@ class Link:
     linear: bool
     gain: float = 1.0
     shift: float = 0.0
-    conversion: Conversion | None = None
+    conversion: Conversion | Linear | None = None
     text: bool = False
 
     @property
@@ -120,7 +121,7 @@ class Wiring:
     def conversions(self, component: str) -> dict[str, Conversion]:
         """Conversions that the scenario wishes for the component's inputs."""
         mine = (link for link in self.links if link.target.component == component)
-        return {link.target.variable: link.conversion for link in mine if link.conversion}
+        return {link.target.variable: link.conversion for link in mine if isinstance(link.conversion, Conversion)}
 
     def texts(self, component: str) -> list[Link]:
         """Links that carry texts or bytes to the component."""

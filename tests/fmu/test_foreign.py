@@ -344,6 +344,39 @@ def test_a_unit_with_an_offset_is_converted_and_another_dimension_refused(tmp_pa
     )
 
 
+def test_radians_are_one_unit_with_and_without_an_exponent_of_their_own(tmp_path):
+    """Between units of one name; rad/s and 1/s stay apart."""
+    files = []
+    for name, exponents, unit in (("a", 'rad="1" s="-1"', "rad/s"), ("b", 's="-1"', "rad/s"), ("c", 's="-1"', "1/s")):
+        variables = [("x", 1, "output", "Real", {"unit": unit}), ("u", 1, "input", "Real", {"start": 0, "unit": unit})]
+        definition = f'<Unit name="{unit}"><BaseUnit {exponents}/></Unit>'
+        files.append(fmi2(tmp_path / f"{name}.fmu", variables, units=definition))
+    parts = {name: (file, {}) for name, file in zip("abc", files)}
+    for wire in ("a.x -> b.u", "b.x -> a.u", "b.x -> c.u"):
+        assert last(run(scenario(tmp_path, parts, [wire])), wire[0] + ".x") == 1.0
+    assert "expected the unit of the input, '1/s', got 'rad/s'" in refusal(scenario(tmp_path, parts, ["a.x -> c.u"]))
+
+
+@pytest.mark.parametrize("executor", [None, execute])
+@pytest.mark.parametrize(
+    ("wish", "value"), [("times 2.0 plus 3.0", 5.0), ("plus -0.5", 0.5), ("times 1e3", 1000.0), ("times -1", -1.0)]
+)
+def test_a_number_is_changed_as_the_connection_says(tmp_path, executor, wish, value):
+    """In place of a conversion: u of 1 degC arrives changed, whatever its units."""
+    a = fmi2(tmp_path / "a.fmu", [("x", 1, "output", "Real", {"unit": "degC"})])
+    b = fmi2(tmp_path / "b.fmu", [("u", 7, "input", "Real", {"start": 0, "unit": "m"}), ("x", 7, "output", "Real", {})])
+    made = scenario(tmp_path, {"a": (a, {}), "b": (b, {})}, [f"a.x -> b.u ({wish})"])
+    assert last(run(made, executor=executor), "b.x") == value
+    assert load_text(to_toml(made), tmp_path) == made
+
+
+@pytest.mark.parametrize("wish", ["times 0", "times", "plus x", "times 1 times 2", "plus nan", "times 1e400"])
+def test_changes_that_are_none_are_refused(tmp_path, wish):
+    a = fmi2(tmp_path / "a.fmu")
+    with pytest.raises(InputError, match=r"connections, line 1"):
+        scenario(tmp_path, {"a": (a, {})}, [f"a.x -> a.u ({wish})"]).with_values({})
+
+
 @pytest.mark.parametrize(
     ("without", "told"),
     [

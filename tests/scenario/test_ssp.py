@@ -208,3 +208,63 @@ def test_an_fmu_with_a_blank_in_a_name(tmp_path):
     path = archive(tmp_path / "a.ssp", text, resources__blank_dot_fmu=(tmp_path / "blank.fmu").read_bytes())
     (wire,) = load_scenario(path).connections
     assert (wire.source.variable, wire.target.variable) == ("x", "f -> in")
+
+
+# --- linear transformations and units of connections ------------------------------------------------------------------
+
+LINEAR = '<ssc:LinearTransformation factor="{}" offset="{}"/>'
+
+
+def echoed(folder: Path, connections: str, before: str = "", units: str = "") -> float:
+    """What the input of `b` was when `a.x` was 1, at the end of a run (y shows the input of the step before)."""
+    text = structure(
+        component("a") + component("b"), connections, before, f"<ssd:Units>{units}</ssd:Units>{EXPERIMENT}"
+    )
+    return last(archive(folder / "a.ssp", text), "b.y")[0]
+
+
+X = 0.999  # m: a.x before the last step
+
+
+@pytest.mark.parametrize(
+    ("inside", "attributes", "value"),
+    [
+        (LINEAR.format(2.0, 3.0), "", 2 * X + 3),
+        (LINEAR.format(-0.5, 0), "", -X / 2),
+        (LINEAR.format(1, 0), "", X),
+        (LINEAR.format(1, 0.25), 'suppressUnitConversion="true"', X + 0.25),
+    ],
+)
+def test_a_linear_transformation_of_a_connection_is_done(tmp_path, inside, attributes, value):
+    """As OMSimulator does it: its LinearTransformation1 expects Add1.u1 = 2 Gain1.y + 3."""
+    assert echoed(tmp_path, connection("a.x", "b.u", inside, attributes)) == pytest.approx(value, abs=2e-9)
+
+
+def test_transformations_and_units_on_the_way_through_a_system(tmp_path):
+    """a.x in m, times 2 plus 1, to a connector in mm, times 3, to b.u in m: both conversions and both changes."""
+    inner = (
+        '<ssd:System name="inner"><ssd:Connectors><ssd:Connector name="o" kind="output"><ssc:Real unit="mm"/>'
+        f"</ssd:Connector></ssd:Connectors><ssd:Elements>{component('a')}</ssd:Elements><ssd:Connections>"
+        + connection("a.x", "o", LINEAR.format(2.0, 0.0))
+        + "</ssd:Connections></ssd:System>"
+    )
+    wires = connection("inner.o", "b.u", LINEAR.format(3.0, 0.0))
+    text = structure(inner + component("b"), wires, after=f"<ssd:Units>{MILLIMETRE}{METRE}</ssd:Units>{EXPERIMENT}")
+    assert last(archive(tmp_path / "a.ssp", text), "b.y")[0] == pytest.approx(6 * X, abs=2e-9)
+    shifted = text.replace(LINEAR.format(2.0, 0.0), LINEAR.format(2.0, 1.0))
+    with pytest.raises(InputError, match="SSP does not say which comes first"):
+        load_scenario(archive(tmp_path / "b.ssp", shifted))
+    alone = shifted.replace('endConnector="o" ', 'endConnector="o" suppressUnitConversion="true"')
+    assert last(archive(tmp_path / "c.ssp", alone), "b.y")[0] == pytest.approx(0.003 * (2 * X + 1), abs=2e-9)
+
+
+def test_a_transformation_is_written_and_read_again(tmp_path):
+    made = load_scenario(
+        archive(
+            tmp_path / "a.ssp",
+            structure(component("a") + component("b"), connection("a.x", "b.u", LINEAR.format(2.0, -3.5))),
+        )
+    )
+    (wire,) = made.connections
+    assert str(wire) == "a.x -> b.u (times 2.0 plus -3.5)"
+    assert load_text(to_toml(made), made.folder).connections == made.connections

@@ -70,10 +70,18 @@ REFUSED = {
         structure(component("a", binding(parameter("k", 1.0, more='unit="inch"')))),
         "a value in 'm', the unit of 'k' in its FMU, got one in 'inch'; 'inch' has no definition",
     ),
-    "transformation": (two(connection("a.x", "b.u", LINEAR)), "passes values as they are, got <ssc:LinearTransform"),
+    "mapping-of-a-connection": (
+        two(connection("a.x", "b.u", "<ssc:BooleanMappingTransformation/>")),
+        "one linear transformation, got <ssc:BooleanMappingTransformation>",
+    ),
+    "transformation-against-the-signal": (
+        two(connection("b.u", "a.x", LINEAR)),
+        "a transformation from the start to the end",
+    ),
+    "factor-0": (two(connection("a.x", "b.u", '<ssc:LinearTransformation factor="0"/>')), "a factor other than 0"),
     "unit-and-offset": (
         mapped(f'<ssm:MappingEntry source="q" target="k">{LINEAR}</ssm:MappingEntry>'),
-        "units or an offset to convert, not both",
+        "a conversion (times 0.001) and a transformation (times 2.0 plus 1.0); SSP does not say which comes first",
     ),
     "no-entry": (
         mapped(

@@ -58,6 +58,7 @@ def fmi2(
     bare: bool = False,
     types: str = "",
     experiment: str = "",
+    units: str = "",
     **capabilities: object,
 ) -> Path:
     """An FMU of foreign_two.c. variables: (name, reference, causality, type, attributes of its type)."""
@@ -66,9 +67,10 @@ def fmi2(
         shared = attributes(name=n, valueReference=r, causality=c, variability=_variability(c, t))
         entries += f"<ScalarVariable{shared}><{t}{attributes(**more)}/></ScalarVariable>"
     outputs = "".join(f'<Unknown index="{k}"/>' for k, v in enumerate(variables, 1) if v[2] == "output")
+    unit_definitions = f"<UnitDefinitions>{units}</UnitDefinitions>" if units else UNITS
     description = (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="2.0" modelName={quoteattr(path.stem)} '
-        f'guid="g"><CoSimulation modelIdentifier="m"{attributes(**capabilities)}/>{UNITS}{types}{experiment}'
+        f'guid="g"><CoSimulation modelIdentifier="m"{attributes(**capabilities)}/>{unit_definitions}{types}{experiment}'
         f"<ModelVariables>{entries}</ModelVariables><ModelStructure><Outputs>{outputs}</Outputs></ModelStructure>"
         "</fmiModelDescription>"
     )

@@ -159,8 +159,10 @@ def _wish(text: str | None) -> Conversion | Linear | None:
     if text in [conversion.value for conversion in Conversion]:
         return Conversion(text)
     match = _CHANGE.match(text or "")
+    if not text or match is None:
+        return None
     try:
         change = Linear(*(float(match[key] or usual) for key, usual in (("factor", 1.0), ("offset", 0.0))))
-    except (TypeError, ValueError):
+    except ValueError:
         return None
-    return change if text and change.factor and math.isfinite(change.factor * change.offset) else None
+    return change if change.factor and math.isfinite(change.factor * change.offset) else None

@@ -249,7 +249,7 @@ def _end(
 ) -> tuple[End, str | None] | None:
     """One end of a connection and whether it is the source or the target of the signal there (None: it may be both)."""
     element, connector = connection.get(f"{side}Element"), required(connection, f"{side}Connector", findings)
-    if element is None:
+    if not element:  # OMSimulator writes an empty one where the standard leaves it out
         return _own(connection, End(system, connector), tree, findings)
     path = (*system, element)
     if path in tree.references:

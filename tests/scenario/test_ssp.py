@@ -133,6 +133,14 @@ def test_nested_systems_are_flattened(tmp_path):
     assert result.signals["last.y"][-1] == pytest.approx(2.0 - 2 * 0.002, abs=1e-9)
 
 
+def test_an_empty_element_is_the_system_itself(tmp_path):
+    """As OMSimulator writes the ends of connections at a system's own connectors."""
+    before = f"<ssd:Connectors>{CONNECTOR.format('out', 'output')}</ssd:Connectors>"
+    wire = connection("a.x", "out").replace('endConnector="out"', 'endElement="" endConnector="out"')
+    made = archive(tmp_path / "a.ssp", structure(component("a"), wire, before))
+    assert last(made, "a.x") == [1.0]
+
+
 def test_names_with_blanks_that_fall_together_stay_two(tmp_path):
     scenario = load_scenario(archive(tmp_path / "a.ssp", structure(component("a b") + component("a.b"))))
     assert list(scenario.components) == ["a_b", "a_b_2"]

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.needs import NEEDS, expected, require
+from tests.support.browser import chromium as browsing
+from tests.support.needs import NEEDS, chromium, expected, require
 from tests.support.paths import CASES, SHARED
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jobs: what Ctrl-C does is tested there too
@@ -48,6 +49,16 @@ def shared_data() -> Path:
     """Folder of the measured data sets."""
     require("data")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """The system's Chromium."""
+    require("browser")
+    path = chromium()
+    assert path is not None
+    with browsing(path) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="session")

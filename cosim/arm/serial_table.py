@@ -1,8 +1,10 @@
 """The table of a serial arm as start values of the FMU SerialArm."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
-from cosim.arm.serial import SerialModel, roll_pitch_yaw
+from cosim.arm.serial import JointKind, SerialModel, roll_pitch_yaw, turn
 
 TYPES = ("revolute", "continuous", "prismatic")
 """Values 1, 2, 3 of the FMU's `joint_type`."""
@@ -36,6 +38,38 @@ def arm_values(model: SerialModel) -> dict[str, float | list[float]]:
     }
     values = {name: [float(v) for v in column] for name, column in columns.items()}
     return {"joints": float(model.count), "joint_limits": 1.0, **values}
+
+
+def chain_of(start: Callable[[str], float], joints: int) -> SerialModel:
+    """Where the links of an arm are, from its start values by name; its masses and limits are left out."""
+
+    def column(name: str, part: str) -> list[float]:
+        return [start(f"{name}_{part}[{i + 1}]") for i in range(joints)]
+
+    def places(name: str, parts: Sequence[str] = "xyz") -> np.ndarray:
+        return np.array([column(name, part) for part in parts]).T
+
+    kinds = [JointKind(TYPES[round(start(f"joint_type[{i + 1}]")) - 1]) for i in range(joints)]
+    nothing, zero = np.zeros((joints, 3)), np.zeros(joints)
+    return SerialModel(
+        name="",
+        joints=[str(i + 1) for i in range(joints)],
+        kinds=kinds,
+        rotation=[turn(angles) for angles in places("origin", ("roll", "pitch", "yaw"))],
+        origin=places("origin"),
+        axis=places("axis"),
+        mass=zero,
+        centre=nothing,
+        inertia=np.zeros((joints, 3, 3)),
+        lower=zero - np.inf,
+        upper=zero + np.inf,
+        effort=zero + np.inf,
+        speed=zero + np.inf,
+        viscous=zero,
+        coulomb=zero,
+        armature=zero,
+        tip=[start(f"tip[{i}]") for i in (1, 2, 3)],
+    )
 
 
 def home(model: SerialModel) -> np.ndarray:

@@ -9,15 +9,16 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-from attrs import evolve, field, frozen
+from attrs import asdict, evolve, field, frozen
 
+from cosim.report.motion import Playback
 from cosim.report.packing import packed
 from cosim.report.plots import Figure
 from cosim.results.saving import write_text
 
 WEB = Path(__file__).with_name("web")
 STYLES = ("uPlot.min.css", "page.css")
-SCRIPTS = ("uPlot.iife.min.js", "marks.js", "plots.js", "page.js")
+SCRIPTS = ("uPlot.iife.min.js", "marks.js", "plots.js", "motion.js", "page.js")
 
 
 @frozen
@@ -59,7 +60,7 @@ class Section:
     heading: str
     text: str = ""
     tables: tuple[Table, ...] = field(default=(), converter=tuple)
-    figures: tuple[Figure | Drawing, ...] = field(default=(), converter=tuple)
+    figures: tuple[Figure | Drawing | Playback, ...] = field(default=(), converter=tuple)
 
 
 @frozen
@@ -102,11 +103,14 @@ def render(report: Report) -> str:
     environment.filters["number"] = lambda figure: places[id(figure)]
     environment.tests["code"] = lambda value: isinstance(value, Code)
     environment.tests["drawing"] = lambda value: isinstance(value, Drawing)
+    environment.tests["playback"] = lambda value: isinstance(value, Playback)
     return environment.get_template("report.html.j2").render(
         report=report,
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         numbers=packed(
-            [evolve(f, name=f.name or f"figure-{k}") for k, f in enumerate(figures, 1)], source=report.source
+            [evolve(f, name=f.name or f"figure-{k}") for k, f in enumerate(figures, 1)],
+            source=report.source,
+            motion=_motion(report),
         ),
         style=_web(STYLES),
         script=_web(SCRIPTS),
@@ -115,6 +119,12 @@ def render(report: Report) -> str:
 
 def _figures(report: Report) -> list[Figure]:
     return [figure for section in report.sections for figure in section.figures if isinstance(figure, Figure)]
+
+
+def _motion(report: Report) -> dict[str, object] | None:
+    """The arms in motion as the page holds them: a page has at most one."""
+    found = [f for section in report.sections for f in section.figures if isinstance(f, Playback)]
+    return asdict(found[0], recurse=True) if found else None
 
 
 @cache

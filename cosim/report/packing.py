@@ -230,4 +230,4 @@ def written(values: np.ndarray) -> tuple[list[Any], bytes]:
 
 
 def _planes(values: np.ndarray) -> bytes:
-    return np.ascontiguousarray(values.view(np.uint8).reshape(len(values), -1).T).tobytes()
+    return np.ascontiguousarray(values.view(np.uint8).reshape(len(values), values.itemsize).T).tobytes()

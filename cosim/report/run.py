@@ -9,6 +9,7 @@ from cosim.engine.table import SignalColumns, stacked
 from cosim.errors import InputError, Problem
 from cosim.report.applications import application_sections
 from cosim.report.html import Drawing, Report, Section, Table, cell
+from cosim.report.motion import playback
 from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series, curves
 from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.measures import energies
@@ -30,6 +31,7 @@ def run_report(judged: Judged) -> Report:
     result = judged.result
     sections = [
         _found(judged),
+        _motion(judged),
         *application_sections(result),
         _tracking(result),
         _ports(judged),
@@ -208,6 +210,11 @@ def _components(judged: Judged) -> Section:
 
 # --- figures
 # ------------------------------------------------------------------------------------------------------------
+
+
+def _motion(judged: Judged) -> Section | None:
+    found = playback(judged.result, judged.wiring)
+    return None if found is None else Section("The arms in motion", "", figures=[found])
 
 
 def _tracking(result: Result) -> Section | None:

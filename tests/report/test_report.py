@@ -87,7 +87,7 @@ def test_a_command_is_one_line_of_code():
     )
     checked(page)
     assert "<td><code>cosim run a --set &#39;b=&lt;1&gt;&#39;</code></td>" in page
-    assert re.search(r"td code \{[^}]*overflow-x: auto; white-space: nowrap", page)
+    assert re.search(r"td code \{[^}]*overflow: hidden; text-overflow: ellipsis; white-space: nowrap", page)
 
 
 def test_empty_reports_render():

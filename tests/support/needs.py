@@ -27,6 +27,11 @@ def wine() -> str | None:
     return shutil.which("wine64") or shutil.which("wine") or shutil.which("/usr/lib/wine/wine64")
 
 
+def chromium() -> str | None:
+    """Path of Chromium or of Chrome."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
 def _program(*names: str) -> Callable[[], bool]:
     return lambda: all(shutil.which(name) for name in names)
 
@@ -73,6 +78,10 @@ NEEDS = {
     "exporters": Need("pythonfmu and pythonfmu3 (PyPI)", lambda: _loads("pythonfmu")() and _loads("pythonfmu3")()),
     "vdmcheck": Need("VDMCheck2 (Java, Maven, Maven Central)", _program("java", "mvn")),
     "robots": Need("pinocchio and example-robot-data (not for Windows)", _loads("pinocchio")),
+    "browser": Need(
+        "Chromium and its driver (Debian: apt install chromium; PyPI: playwright, axe-playwright-python)",
+        lambda: chromium() is not None and _loads("axe_playwright_python.sync_playwright")(),
+    ),
     "wine": Need("Wine (Debian: apt install wine64)", lambda: wine() is not None),
     "qemu": Need(
         "QEMU (Debian: apt install qemu-user libc6-arm64-cross)",

@@ -233,7 +233,7 @@ async function start() {
     const host = document.getElementById(`figure-${k + 1}`);
     return [host, build(figure, host, page.source)];
   });
-  if (page.motion && window.Motion) new Motion(document.getElementById("motion"), page.motion, page.arrays);
+  if (page.motion) window.motion = new Motion(document.getElementById("motion"), page.motion, page.arrays);
   printing(built, wanted);
   document.querySelectorAll("td code").forEach((code) => { code.onclick = () => copied(code.textContent); });
   document.documentElement.dataset.ready = String(Math.round(performance.now() - began));

@@ -119,6 +119,14 @@ def _read_json(file: Path) -> dict[str, Any]:
     return found
 
 
+def _wired(scenario: Scenario) -> Wiring:
+    """The wiring of a scenario that was run before. Raises InputError where its FMUs have changed."""
+    wiring, problems = check(scenario, descriptions(scenario))
+    if wiring is None or problems:
+        raise InputError(problems)
+    return wiring
+
+
 def _write_page(judged: Judged, path: Path) -> Path:
     from cosim.report.html import write_report
     from cosim.report.run import run_report
@@ -199,12 +207,48 @@ class RunResult:
         """A variable a signal over `time`, vectors along a dimension of their own; units in `attrs`. Needs xarray."""
         return as_dataset(self.raw)
 
-    def plot(self) -> MplFigure:
-        """The figure of the report: tips of both arms and their distance, or else the recorded signals, over time."""
+    def plot(self, *signals: str) -> MplFigure:
+        """Signals over time, `arm_l.x` or `arm_l.x[1]`; without a name the figure of the report: tips of both arms and
+        their distance, or else the recorded signals. Raises InputError for names that were not recorded.
+        """
         from cosim.report.canvas import drawn
-        from cosim.report.run import overview
+        from cosim.report.run import chosen
 
-        return drawn(overview(self.raw))
+        return drawn(chosen(self.raw, signals))
+
+    def save_plot(
+        self,
+        path: str | Path,
+        signals: Iterable[str] = (),
+        *,
+        width: float = 85.0,
+        height: float | None = None,
+        together: bool = False,
+    ) -> Path:
+        """Write the figure of `plot` for a paper; the ending of the path says the format; returns the path.
+
+        width, height [mm]; together: all signals in one plot. Raises InputError for names that were not recorded,
+        signals of different units in one plot, and endings that are not known.
+        """
+        from cosim.report.canvas import save_figure
+        from cosim.report.run import chosen
+
+        return save_figure(chosen(self.raw, list(signals), together), Path(path), width, height)
+
+    def save_movie(self, path: str | Path, *, speed: float = 1.0) -> Path:
+        """Write the arms in motion as a movie, `speed` times as fast as they were; returns the path.
+
+        The ending is .gif, or one that ffmpeg knows. Raises InputError where no arm was recorded, or without ffmpeg.
+        """
+        from cosim.report.canvas import save_movie
+        from cosim.report.motion import playback
+
+        wiring = self.judged.wiring if self.judged else _wired(self.scenario)
+        play = playback(self.raw, wiring)
+        if play is None:
+            wish = "a run that recorded q and x of an arm"
+            raise InputError(Problem("--movie", wish, "one without", "see `record` of the scenario"))
+        return save_movie(play, Path(path), speed)
 
     def save(self, folder: str | Path, *, export: Iterable[str] = (), report: bool = True) -> Path:
         """Write result.h5, report.html and summary.json, the last when all else is there; returns the folder.

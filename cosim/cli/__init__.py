@@ -22,6 +22,7 @@ COMMANDS = {
     "list": "shipped scenarios and sweeps, one line each",
     "show": "wiring, units, added delays, step sizes; runs nothing",
     "run": "one co-simulation: summary.json, result.h5, report.html",
+    "plot": "a figure of a run for a paper; its arms as a movie",
     "stability": "criteria, spectrum and simulation side by side",
     "sweep": "a batch stability sweep; the same folder again: resumes",
     "data": "what a recording holds, what is doubtful, and a description of it",

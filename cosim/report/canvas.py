@@ -3,17 +3,20 @@
 Figures are made without pyplot, so nothing is global and threads do not meet.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as MplFigure
 from matplotlib.rcsetup import cycler
 
 from cosim.errors import InputError, Problem
+from cosim.report.motion import ArmTrack, PacketTrack, Playback, Wall
 from cosim.report.packing import extremes
 from cosim.report.plots import COLOURS, Colour, Figure, HeatMap, Mark, Plot, PlotAxis, Series
 
@@ -113,10 +116,20 @@ def _draw(axes: Axes, plot: Plot, last: bool) -> None:
     axes.set_title(plot.title, parse_math=False)
     if plot.equal:
         axes.set_aspect("equal", adjustable="datalim")
-    if sum(bool(name) for name in axes.get_legend_handles_labels()[1]) > (not plot.title):
-        legend = axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=4, handlelength=1.6)
-        for text in legend.get_texts():
-            text.set_parse_math(False)
+    _legend(axes, plot.title)
+
+
+def _legend(axes: Axes, title: str) -> None:
+    """Names above the plot, at the right of its title; inside where they are too long for that."""
+    names = axes.get_legend_handles_labels()[1]
+    if len(names) < 2 and not (names and title):
+        return
+    room = axes.bbox.width / axes.figure.dpi * INCH
+    above = 1.5 * len(title) + sum(1.4 * len(name) + 8.0 for name in names) < room
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(names)} if above else {}
+    legend = axes.legend(borderaxespad=0.1 if above else None, handlelength=1.6, **place)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def _label(name: str) -> str:
@@ -165,3 +178,114 @@ def _axis(axes: Axes, direction: str, axis: PlotAxis, named: bool = True) -> Non
         own.set_label_text(axis.label, parse_math=False)
     else:
         axes.tick_params(labelbottom=False)
+
+
+# --- movie ------------------------------------------------------------------------------------------------------------
+
+TURN, TILT = 0.7, 0.3  # rad: the view of the page
+PICTURE = 6.4, 3.2  # inches
+
+
+def save_movie(play: Playback, path: Path, speed: float = 1.0, rate: int = 25) -> Path:
+    """The arms in motion as a movie, `speed` times as fast as they were, `rate` pictures a second: GIF, or what ffmpeg
+    writes where it is installed. Raises InputError where that is missing.
+    """
+    writer = _writer(path, rate)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    style: dict[Any, object] = {**_STYLE, "axes.grid": False, "figure.facecolor": "white"}
+    with matplotlib.rc_context(style):
+        fig = MplFigure(figsize=PICTURE)
+        moved = [_scene(fig, play, k) for k in range(len(play.arms))]
+        moved += [_lane(fig, play, k) for k in range(len(play.packets))]
+        clock = fig.text(0.5, 0.02, "", ha="center")
+        pictures = max(int((play.time[-1] - play.time[0]) / speed * rate), 1)
+        with writer.saving(fig, str(path), dpi=120):
+            for now in np.linspace(play.time[0], play.time[-1], pictures + 1):
+                for move in moved:
+                    move(float(now))
+                clock.set_text(f"{play.name}   {now:.2f} s")
+                writer.grab_frame()
+    return path
+
+
+def _writer(path: Path, rate: int) -> AbstractMovieWriter:
+    if path.suffix.lower() == ".gif":
+        return PillowWriter(fps=rate)
+    if path.suffix.lower() not in (".mp4", ".mkv", ".mov", ".webm"):
+        raise InputError(Problem("--movie", "a file that ends in .gif, .mp4, .mkv, .mov or .webm", repr(path.name)))
+    if not FFMpegWriter.isAvailable():
+        raise InputError(
+            Problem("--movie", f"ffmpeg, which writes {path.suffix}", "none", "install it, or name a .gif")
+        )
+    return FFMpegWriter(fps=rate)
+
+
+def _seen(arm: ArmTrack, points: np.ndarray) -> np.ndarray:
+    """Places (..., 2) on the screen of points (..., 3): up is y in a PHANToM's base frame, z in that of another arm."""
+    a, b, d = np.moveaxis(points if len(arm.strokes) > 1 else points[..., [1, 2, 0]], -1, 0)
+    across, depth = a * np.cos(TURN) + d * np.sin(TURN), d * np.cos(TURN) - a * np.sin(TURN)
+    return np.stack([across, b * np.cos(TILT) - depth * np.sin(TILT)], axis=-1)
+
+
+def _scene(fig: MplFigure, play: Playback, number: int) -> Callable[[float], None]:
+    """An arm with its trace and forces on axes of its own; what moves it to a time."""
+    arm, tone = play.arms[number], TONES[(Colour.BLUE, Colour.ORANGE)[number]]
+    share = 0.4 if len(play.arms) == 2 else 0.9
+    axes = fig.add_axes((0.02 + 0.56 * number, 0.08, share, 0.86))
+    places = _seen(arm, arm.points)
+    middle = (places.max(axis=(0, 1)) + places.min(axis=(0, 1))) / 2
+    reach = 0.65 * max(float(np.ptp(places, axis=(0, 1)).max()), 1e-9)
+    axes.set(xlim=middle[0] + reach * np.array([-1, 1]), ylim=middle[1] + reach * np.array([-1, 1]), aspect="equal")
+    axes.set_axis_off()
+    axes.set_title(arm.name, parse_math=False)
+    for wall in play.walls:
+        if wall.arm == arm.name:
+            axes.fill(*_seen(arm, _patch(wall, arm.tip, 0.5 * reach)).T, color=TONES[Colour.GREY], alpha=0.3)
+    trace = axes.plot([], [], color=tone, lw=0.8)[0]
+    links = [axes.plot([], [], color=TONES[Colour.INK], lw=2.5 if k < 3 else 1.2)[0] for k in range(len(arm.strokes))]
+    greatest = max((float(np.linalg.norm(f, axis=1).max()) for a in play.arms for f in a.forces.values()), default=0.0)
+    arrows = [
+        (axes.plot([], [], color=TONES[colour], lw=1.8, label=name)[0], force)
+        for (name, force), colour in zip(arm.forces.items(), (Colour.RED, Colour.GREEN))
+    ]
+    if arrows:
+        axes.legend(loc="lower left", handlelength=1.0)
+
+    def move(now: float) -> None:
+        frame = int(np.searchsorted(play.time, now + 1e-9) - 1)
+        trace.set_data(*places[: frame + 1, -1].T)
+        for line, stroke in zip(links, arm.strokes):
+            line.set_data(*places[frame, list(stroke)].T)
+        for line, force in arrows:
+            end = arm.tip[frame] + 0.4 * reach / max(greatest, 1e-300) * force[frame]
+            line.set_data(*np.array([places[frame, -1], _seen(arm, end)]).T)
+
+    return move
+
+
+def _patch(wall: Wall, tips: np.ndarray, size: float) -> np.ndarray:
+    """Corners (4, 3) of a square of the wall's plane, in front of where the tips are on average."""
+    normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
+    foot = tips.mean(axis=0)
+    foot = foot - (foot @ np.array(wall.normal) - wall.offset) / np.linalg.norm(wall.normal) * normal
+    along = np.linalg.svd(normal[None])[2][1:]
+    return foot + size * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) @ along
+
+
+def _lane(fig: MplFigure, play: Playback, number: int) -> Callable[[float], None]:
+    """Samples on their way in a channel; what moves them to a time."""
+    packets: PacketTrack = play.packets[number]
+    there = packets.source == play.arms[0].name
+    axes = fig.add_axes((0.42, 0.62 - 0.24 * number, 0.16, 0.12), xlim=(-0.05, 1.05), ylim=(-1, 1))
+    axes.set_axis_off()
+    axes.axhline(0.0, color=TONES[Colour.GREY], lw=0.8)
+    axes.set_title(f"{packets.name} {'→' if there else '←'}", parse_math=False, fontsize=7)
+    dots = axes.plot([], [], "o", ms=3, color=TONES[Colour.BLUE if there else Colour.ORANGE])[0]
+
+    def move(now: float) -> None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (now - packets.sent) / packets.delay
+        share = share[(share >= 0) & (share < 1)]
+        dots.set_data(share if there else 1 - share, np.zeros(len(share)))
+
+    return move

@@ -1,12 +1,14 @@
 """Figures and report of one run: tracking, forces, delays, tip path, wiring."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import evolve
 
 from cosim.engine.master import Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import SignalColumns, stacked
-from cosim.errors import InputError, Problem
+from cosim.errors import InputError, Problem, did_you_mean
 from cosim.report.applications import application_sections
 from cosim.report.html import Drawing, Report, Section, Table, cell
 from cosim.report.motion import playback
@@ -337,6 +339,37 @@ def _others(result: Result) -> Section | None:
     absolute = any(c.model == "PhantomArm" for c in result.scenario.components.values())
     what = "Joint angles (q2 and q3 of a PHANToM are absolute)." if absolute else "Joint angles."
     return Section("Joints", "", figures=[stack(result, names, what, "joints")])
+
+
+def chosen(result: Result, names: Sequence[str], together: bool = False) -> Figure:
+    """The figure of signals by their names, each in a plot of its own or all in one; without names the overview.
+
+    Raises InputError with every name that was not recorded, and for signals of different units in one plot.
+    """
+    if not names:
+        return overview(result)
+    known = [*grouped(result.signals), *result.signals]
+    problems = [
+        Problem("signal", "a recorded signal", repr(name), did_you_mean(name, known) or "see `cosim show`")
+        for name in names
+        if name not in known
+    ]
+    if problems:
+        raise InputError(problems)
+    units = {name: result.units[name if name in result.units else grouped(result.signals)[name][0]] for name in names}
+    if together and len(set(units.values())) > 1:
+        told = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
+        raise InputError(Problem("--together", "signals of one unit", told))
+    labels = {name: f"[{unit.replace('.', '·')}]" for name, unit in units.items()}
+    lines = {name: result.vector(name) for name in names}
+    if together:
+        every = {f"{n}[{k}]" if v.shape[1] > 1 else n: c for n, v in lines.items() for k, c in enumerate(v.T, 1)}
+        return Figure([Plot(curves(result.time, every), TIME, PlotAxis(labels[names[0]]), link="time", height=200)])
+    plots = []
+    for name, values in lines.items():
+        each = {str(k) if values.shape[1] > 1 else "": column for k, column in enumerate(values.T, 1)}
+        plots.append(Plot(curves(result.time, each), TIME, PlotAxis(f"{name} {labels[name]}"), link="time"))
+    return Figure(plots)
 
 
 def stack(result: Result, names: list[str], caption: str = "", file: str = "signals") -> Figure:

@@ -215,11 +215,11 @@ function drawHeat(pen, heat, at) {
 /** The whole plot with frame, ticks, labels and legend, as the view `u` (uPlot) shows it: for pictures and print. */
 function drawPicture(pen, plot, u, left, top) {
   const width = u.over.clientWidth, height = u.over.clientHeight;
-  const box = { left: left + 66, top: top + 20, width, height };
+  const box = { left: left + 78, top: top + 20, width, height };
   const at = { box, ratio: 1, x: (v) => box.left + u.valToPos(v, "x"), y: (v) => box.top + u.valToPos(v, "y") };
   let shift = left;
   if (plot.title) putText(pen, plot.title, left, top + 13, { bold: true, colour: "ink", size: 12 });
-  shift += plot.title ? plot.title.length * 7 + 16 : 66;
+  shift += plot.title ? plot.title.length * 7 + 16 : 78;
   for (const series of plot.series.filter((s) => s.name && !s.hidden)) {
     pen.beginPath();
     pen.rect(shift, top + 7, 14, 3);
@@ -249,5 +249,5 @@ function drawPicture(pen, plot, u, left, top) {
     drawGuides(pen, plot, at);
     drawSeries(pen, plot, at);
   });
-  return { width: 66 + width + 12, height: 20 + height + 42 };
+  return { width: 78 + width + 12, height: 20 + height + 42 };
 }

@@ -1,7 +1,7 @@
 /* One plot on the page: uPlot draws frame and curves over a shared x; clouds, bars and maps are drawn by marks.js. Plots with the
    same link show the same stretch of x, and one cursor reads all of them. */
 
-const GUTTER = 66;
+const GUTTER = 78;
 const short = (value) => (value === null || value === undefined || !isFinite(value) ? "–" : String(Number(value.toPrecision(6))));
 
 function ticks(values, step) {

@@ -29,7 +29,7 @@ HEAVY = {
     "jinja2": {"cosim.report.html"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},
-    "pyarrow": {"cosim.measured.text", "cosim.measured.columnar", "cosim.measured.arrow"},
+    "pyarrow": {"cosim.measured.text", "cosim.measured.columnar", "cosim.measured.arrow", "cosim.results.tables"},
     "rosbags": {"cosim.measured.ros"},
     "mcap": {"cosim.measured.ros"},
     "asammdf": {"cosim.measured.mdf"},

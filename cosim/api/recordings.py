@@ -23,6 +23,7 @@ from cosim.measured import Recording
 from cosim.measured import read as read_files
 from cosim.measured.survey import Survey, survey
 from cosim.results.saving import save_files, write_json
+from cosim.results.tables import TABLES, ResultTable, table_files
 
 if TYPE_CHECKING:
     from cosim.report.canvas import MplFigure
@@ -165,14 +166,26 @@ class IdentificationResult:
 
         return drawn(torque_figure(self.found))
 
-    def save(self, folder: str | Path) -> Path:
-        """Write report.html and identification.json; returns the folder."""
+    def save(self, folder: str | Path, *, export: Iterable[str] = ()) -> Path:
+        """Write report.html and identification.json; returns the folder.
+
+        export: the parameters as a table in further files, "csv" or "parquet".
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page}
+        files |= table_files("identification", export, self._table)
         files["identification.json"] = lambda path: write_json(self.to_dict(), path, indent=1)
-        save_files(folder, files, ["report.html"])
+        save_files(folder, files, ["report.html", *(f"identification.{ending}" for ending in TABLES)])
         return folder
+
+    def _table(self) -> ResultTable:
+        names = ("parameter", "value", "low", "high", "std", "std_white", "unit")
+        rows = [
+            (p["name"], p["value"], *(p["interval"] or (None, None)), p["std"], p["std_white"], p["unit"])
+            for p in self.to_dict()["parameters"]
+        ]
+        return ResultTable.of(names, rows)
 
     def _write_page(self, path: Path) -> Path:
         from cosim.report.html import write_report
@@ -258,14 +271,28 @@ class ClosureResult:
 
         return drawn(error_figure(self.closure), 150.0)
 
-    def save(self, folder: str | Path) -> ClosureResult:
+    def save(self, folder: str | Path, *, export: Iterable[str] = ()) -> ClosureResult:
         """Write closure.json, effects.toml, the FMUs with the effect and report.html.
 
+        export: the parameters of the effects as a table in further files, "csv" or "parquet".
         Returns what was written: an FMU that cannot be built is one more warning.
         """
         from cosim.report.closure import save
 
-        return ClosureResult(save(self.closure, folder))
+        tables = table_files("closure", export, self._table)
+        written = ClosureResult(save(self.closure, folder))
+        save_files(Path(folder), tables, [f"closure.{ending}" for ending in TABLES])
+        return written
+
+    def _table(self) -> ResultTable:
+        names = ("effect", "joints", "parameter", "value", "low", "high", "level", "indistinguishable_from")
+        rows = []
+        for effect in self.effects:
+            joints, alike = " ".join(map(str, effect["joints"])), " ".join(effect["indistinguishable_from"])
+            for name, value in effect["parameters"].items():
+                low, high = effect["interval"].get(name) or (None, None)
+                rows.append((effect["name"], joints, name, value, low, high, effect["level"], alike))
+        return ResultTable.of(names, rows)
 
     def __str__(self) -> str:
         """What `cosim close-loop` prints."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
@@ -16,6 +16,7 @@ from cosim.opening import named_file
 from cosim.results.files import write_table
 from cosim.results.frames import table_frame
 from cosim.results.saving import save_files, write_json
+from cosim.results.tables import TABLES, ResultTable, table_files
 from cosim.sweeps.campaign import Campaign, Curve, SweepProgress, every_choice, first_point, run_sweep, task_of
 from cosim.sweeps.evaluate import check, origin
 from cosim.sweeps.pool import function
@@ -166,8 +167,11 @@ class SweepTable:
 
         return drawn(overview(self.campaign))
 
-    def save(self, folder: str | Path, *, report: bool = True) -> Path:
-        """Write sweep.h5, report.html and summary.json, the last when all else is there; returns the folder."""
+    def save(self, folder: str | Path, *, export: Iterable[str] = (), report: bool = True) -> Path:
+        """Write sweep.h5, report.html and summary.json, the last when all else is there; returns the folder.
+
+        export: the table in further files, "csv" or "parquet".
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         campaign = self.campaign
@@ -175,9 +179,11 @@ class SweepTable:
         files: dict[str, Callable[[Path], object]] = {
             "sweep.h5": lambda path: write_table(self.columns, units(campaign), names, path),
         }
+        files |= table_files("sweep", export, lambda: ResultTable(self.columns, units(campaign)))
         if report:
             files["report.html"] = self._write_page
-        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)}, ["report.html"])
+        stale = ["report.html", *(f"sweep.{ending}" for ending in TABLES)]
+        save_files(folder, files | {"summary.json": lambda path: write_json(self.summary, path)}, stale)
         return folder
 
     def _write_page(self, path: Path) -> Path:

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from cosim.cli.folder import TableFormat
+
 
 def command(
     data: Annotated[
@@ -17,6 +19,10 @@ def command(
         Path | None, typer.Option(help="effects.toml of an earlier pass: the search starts from it.")
     ] = None,
     effect_file: Annotated[list[Path] | None, typer.Option(help="Python file with effects of your own.")] = None,
+    export: Annotated[
+        list[TableFormat] | None,
+        typer.Option(help="also write the parameters of the effects as closure.csv or closure.parquet"),
+    ] = None,
     replay: Annotated[bool, typer.Option(help="Replay the experiment with the FMUs.")] = True,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("close-loop"),
 ) -> None:
@@ -35,7 +41,7 @@ def command(
         progress=_tell,
     )
     _tell("writing the results")
-    written = found.save(out)
+    written = found.save(out, export=[kind.value for kind in export or ()])
     for text in written.warnings:
         print(f"warning: {text}", file=sys.stderr)
     print(f"{written}\nresults: {out}")

@@ -2,10 +2,18 @@
 
 import re
 import tempfile
+from enum import StrEnum
 from pathlib import Path
 
 from cosim.errors import InputError, Problem
 from cosim.results.saving import reason
+
+
+class TableFormat(StrEnum):
+    """Further files of a table."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
 
 
 def named(name: str) -> Path:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from cosim.cli.folder import TableFormat
+
 
 def command(
     data: Annotated[
@@ -15,6 +17,10 @@ def command(
         Path | None, typer.Option(help="what the columns are (TOML); default: beside the data")
     ] = None,
     out: Annotated[Path, typer.Option(help="folder for identification.json and report.html")] = Path("out/identify"),
+    export: Annotated[
+        list[TableFormat] | None,
+        typer.Option(help="also write the parameters as identification.csv or identification.parquet"),
+    ] = None,
     cutoff: Annotated[
         float | None, typer.Option(help="low-pass over both sides [Hz]; default: 12 times the motion's band")
     ] = None,
@@ -45,7 +51,7 @@ def command(
         robust=robust,
         physical=physical,
     )
-    found.save(out)
+    found.save(out, export=[kind.value for kind in export or ()])
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     print(f"{found}\nwritten: {out / 'identification.json'}, {out / 'report.html'}")

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.cli.folder import TableFormat
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -29,6 +31,9 @@ def command(
         str | None,
         typer.Option(metavar="FILE.py", help="own evaluate(task, points); FILE.py:NAME for another function"),
     ] = None,
+    export: Annotated[
+        list[TableFormat] | None, typer.Option(help="also write the points as sweep.csv or sweep.parquet")
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
@@ -49,7 +54,7 @@ def command(
         sys.exit(130)
     for warning in table.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    table.save(folder, report=report)
+    table.save(folder, export=[kind.value for kind in export or ()], report=report)
     print(f"{table}\nwritten to  {folder}")
     if table.failure is not None:
         print(f"error: every point failed; the first: {table.failure}", file=sys.stderr)

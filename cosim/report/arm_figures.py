@@ -26,7 +26,7 @@ def section_figure(params: ParameterSet, workspace: Workspace, limits: tuple[flo
 
     Where M is not positive definite there is no such mass: those poses are drawn in one pale red.
     """
-    q = mesh(workspace, 121)
+    q = mesh(workspace, 91)
     definite = (yaw_inertia(params.pi, q) > 0) & (block_eigenvalue(params.pi, q[..., 1] - q[..., 2]) > 0)
     r, height = _section(q)
     mass = np.where(definite, heaviest_direction(params.pi, q)[0], np.nan)
@@ -50,7 +50,7 @@ def definite_figure(params: ParameterSet, workspace: Workspace, found: Definiten
     """M11 and the smaller eigenvalue of the (q2, q3) block of one set over the polygon, each with its zero line and
     least pose.
     """
-    q = mesh(workspace)
+    q = mesh(workspace, 71)
     values = yaw_inertia(params.pi, q), block_eigenvalue(params.pi, q[..., 1] - q[..., 2])
     least = np.rad2deg(found.pose)
     label = f"least: {1e3 * found.least_yaw:.3f}e-3"
@@ -71,7 +71,7 @@ def _over(q: np.ndarray, values: np.ndarray) -> HeatMap:
 
 def definite_maps_figure(sets: Sequence[ParameterSet], workspace: Workspace) -> Figure:
     """The smallest eigenvalue of M for several sets side by side, with one scale."""
-    q, plots = mesh(workspace, 61), []
+    q, plots = mesh(workspace, 41), []
     for params in sets:
         least = np.minimum(yaw_inertia(params.pi, q), block_eigenvalue(params.pi, q[..., 1] - q[..., 2]))
         places = np.rad2deg(q[..., 1]), np.rad2deg(q[..., 2])

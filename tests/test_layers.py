@@ -26,7 +26,8 @@ HEAVY = {
     "lxml": {"cosim.scenario.ssp_document", "cosim.exports.enumerations"},
     "h5py": {"cosim.results.files", "cosim.measured.hdf5"},  # our results, and files of laboratories
     "matplotlib": {"cosim.report.canvas"},
-    "jinja2": {"cosim.report.html"},
+    "jinja2": {"cosim.report.html", "cosim.report.manual"},
+    "markdown_it": {"cosim.report.manual"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},
     "pyarrow": {"cosim.measured.text", "cosim.measured.columnar", "cosim.measured.arrow", "cosim.results.tables"},
@@ -38,8 +39,8 @@ HEAVY = {
     "xarray": {"cosim.results.frames", "cosim.api"},
 }
 LIGHT = set(
-    """__future__ atexit attrs collections contextlib cosim enum errno functools gc importlib itertools json math os
-    pathlib re signal stat sys tempfile threading types typer typing""".split()
+    """__future__ ast atexit attrs collections contextlib cosim enum errno functools gc importlib inspect itertools json
+    math os pathlib re signal stat sys tempfile textwrap threading types typer typing""".split()
 )
 
 

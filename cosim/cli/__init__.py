@@ -11,12 +11,13 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from cosim.cli.streams import open_streams, stop_when_told
 
 if TYPE_CHECKING:
     import typer
+    from typer.core import TyperCommand
 
 COMMANDS = {
     "list": "shipped scenarios and sweeps, one line each",
@@ -35,6 +36,7 @@ COMMANDS = {
     "new": "a small working start: controller, model, effect, scenario, sweep, description",
     "export": "FMUs and the wired system for other tools",
     "cache": "what is kept between runs: list, clean",
+    "docs": "the manual, offline: tutorial, how-to pages, reference, explanations",
 }
 
 
@@ -92,6 +94,14 @@ def _app(name: str | None, debug: bool) -> "typer.Typer":
     else:
         _register(app, name, debug)
     return app
+
+
+def parsed_command(name: str) -> "TyperCommand":
+    """A command with its arguments and options, as `--help` shows them."""
+    import typer
+
+    group: Any = typer.main.get_command(_app(name, debug=True))
+    return group.commands[name]
 
 
 def _nothing() -> None:

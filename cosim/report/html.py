@@ -112,8 +112,8 @@ def render(report: Report) -> str:
             source=report.source,
             motion=_motion(report),
         ),
-        style=_web(STYLES),
-        script=_web(SCRIPTS),
+        style=web(STYLES),
+        script=web(SCRIPTS),
     )
 
 
@@ -128,7 +128,7 @@ def _motion(report: Report) -> dict[str, object] | None:
 
 
 @cache
-def _web(names: tuple[str, ...]) -> str:
+def web(names: tuple[str, ...]) -> str:
     """Files of the folder `web`, one after the other."""
     return "\n".join((WEB / name).read_text(encoding="utf-8") for name in names)
 

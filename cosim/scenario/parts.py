@@ -46,26 +46,32 @@ class Conversion(Enum):
 
 @frozen
 class Experiment:
-    """How long [s], in which communication steps [s, whole nanoseconds], by which algorithm.
-
-    `order` fixes the order of Gauss-Seidel (empty: found from the wiring); every `record_every`-th step is kept; a run
-    ends as diverged once an output passes `bound` times its usual size (see cosim.wiring.bounds); `seed` goes to every
-    component with a `seed`; FMUs are told `tolerance` (None: that of their default experiment) and the stop time;
-    `record` names variables to record beside the outputs, `a.local_*`.
-    """
+    """How long, in which communication steps, by which master algorithm."""
 
     stop: float
+    """Simulated time [s]."""
     step: float = 1e-3
+    """Communication step [s], a whole number of nanoseconds."""
     algorithm: Algorithm = Algorithm.GAUSS_SEIDEL
+    """Who sees whose new values within a step."""
     extrapolation: Extrapolation = Extrapolation.LINEAR
+    """How an input moves within a step."""
     order: tuple[str, ...] = ()
+    """Order of the components under Gauss-Seidel; empty: found from the wiring."""
     record_every: int = 1
+    """Every that many communication points a row is kept."""
     fmi: int = 2
+    """Which FMI version our own models are run in, 2 or 3."""
     seed: int = 0
+    """Given to every component that has a parameter `seed`, a different number to each."""
     bound: float = 1e6
+    """A run ends as diverged once an output passes so many times its usual size (nominal value, unit, growth)."""
     tolerance: float | None = None
+    """Told to every FMU; without it each gets that of its default experiment."""
     logging: FmuLogging = FmuLogging.WARNINGS
+    """Which messages of FMUs are kept."""
     record: tuple[str, ...] = ()
+    """Variables to record beside the outputs, `a.local_*`."""
 
     @property
     def step_ns(self) -> int:
@@ -85,29 +91,36 @@ class Experiment:
 
 @frozen
 class Component:
-    """An FMU instance: of one of our models, of the user's own, of a file, or of a recording (columns of a CSV, played
-    back as y[1], y[2], ...).
-
-    model: the name of one of ours, or the path of a folder (`./MyController`) or of a Python file of the user's.
-
-    A recording's stamps are moved by `offset` [s] to the time of the run; with `repeat` it begins again at its end.
-    `parameters` maps FMU parameter names (`q_start`, a list or one value for all elements, or `q_start[2]`) to values;
-    `parameter_set` names one of the arm's published sets, which `parameters` override.
+    """An FMU instance: of one of our models, of the user's own, of a file, or of a recording (columns of a file, played
+    back as y[1], y[2], ...). Exactly one of `model`, `fmu` and `recording` is given.
     """
 
     model: str | None = None
+    """One of ours by name, or the path of a folder (`./MyController`) or of a Python file of the user's own."""
     fmu: str | None = None
+    """An FMU of any tool: its file, relative to the scenario's."""
     recording: str | None = None
+    """A recording of any format that `cosim data` reads, relative to the scenario's file."""
     columns: tuple[str, ...] = ()
+    """Of a recording: the columns that become y[1], y[2], ..."""
     time: str = "time"
+    """Of a recording: the column with the stamps."""
     interpolation: Extrapolation = Extrapolation.LINEAR
+    """Of a recording: between two rows."""
     unit: str = ""
+    """Of a recording: unit of the outputs y, checked by the wiring."""
     scale: float = 1.0
+    """Of a recording: factor on its numbers."""
     offset: float = 0.0
+    """Of a recording: moves its stamps to the time of the run [s]."""
     repeat: bool = False
+    """Of a recording: begin again at its end."""
     step_multiple: int = 1
+    """The component steps once in so many communication steps."""
     parameter_set: str | None = None
+    """One of the arm's published sets (`cosim arm --help` names them), which `parameters` override."""
     parameters: Mapping[str, object] = field(factory=dict)
+    """FMU parameters and start values: `q_start`, a list or one value for all elements, or `"q_start[2]"`."""
 
     @property
     def kind(self) -> str:
@@ -154,7 +167,9 @@ class Teleoperation:
     """Which component is the local and which the remote arm: for tracking figures and delays per direction."""
 
     local: str = "arm_l"
+    """The local arm (the papers' master)."""
     remote: str = "arm_r"
+    """The remote arm (the papers' slave)."""
 
 
 @frozen

@@ -32,6 +32,8 @@ from cosim.opening import named_file, read_toml
 
 Record = TypeVar("Record", bound=AttrsInstance)
 FORMAT = 1
+NOT_IN_A_FILE = ("folder", "changes")
+"""What is kept of a sweep beside the keys of its file."""
 SCENARIO = "scenario"
 """The path under which a choice names its scenario."""
 
@@ -50,8 +52,11 @@ class Choice:
     """
 
     label: str
+    """Its name on the axis."""
     set: Mapping[str, object] = field(factory=dict)
+    """Values at paths, as with `--set`."""
     scenario: str = ""
+    """Another scenario than the sweep's; empty: the sweep's."""
 
 
 Entry = float | Choice
@@ -63,14 +68,23 @@ class Axis:
     """One axis: a number given to all of `paths`, between `low` and `high`, or a list of choices."""
 
     name: str
+    """Its name in tables and figures."""
     unit: str = ""
+    """Unit of its numbers, for the reader."""
     paths: tuple[str, ...] = ()
+    """Where the number goes, as with `--set`; `*` stands for anything."""
     low: float = 0.0
+    """Lower end."""
     high: float = 1.0
+    """Upper end."""
     count: int = 9
+    """Numbers on a grid, both ends included."""
     scale: Scale = Scale.LINEAR
+    """How it is divided."""
     values: tuple[float, ...] = ()
+    """A list of numbers in place of `low`, `high`, `count`."""
     choices: tuple[Choice, ...] = ()
+    """A list of choices in place of numbers: `[[axes.choices]]`."""
 
     @property
     def numeric(self) -> bool:
@@ -128,7 +142,9 @@ class Random:
     """`count` independent uniform points."""
 
     count: int
+    """Points."""
     seed: int = 0
+    """Of the random numbers."""
 
 
 @frozen
@@ -138,8 +154,11 @@ class MonteCarlo:
     """
 
     count: int
+    """Points."""
     seed: int = 0
+    """Of the random numbers."""
     level: float = 0.95
+    """Confidence of the interval of the share."""
 
 
 @frozen
@@ -149,12 +168,19 @@ class BoundaryDesign:
     """
 
     trace: tuple[str, ...]
+    """One or two numeric axes."""
     tolerance: float = 0.002
+    """How closely the boundary is traced, as a share of the axis."""
     cells: int = 8
+    """Cells along each axis that the search begins with."""
     seed: int = 0
+    """Of the audit's random points."""
     audit: int = 60
+    """Random points a round, at which the traced boundary's answer is compared with a run."""
     audit_rounds: int = 4
+    """How often, at most, what an audit found is traced and audited again."""
     level: float = 0.95
+    """Confidence of the audit's upper bound on the share of wrong answers."""
 
 
 @frozen
@@ -162,14 +188,19 @@ class LevelSet:
     """Active learning of the boundary over two numeric axes with at most `count` runs (where one run is expensive)."""
 
     trace: tuple[str, ...]
+    """Two numeric axes."""
     count: int = 60
+    """Runs at most."""
     start: int = 16
+    """Runs before the first model of the boundary."""
     batch: int = 4
+    """Runs between two models."""
     seed: int = 0
+    """Of the first points."""
 
 
 Design = Grid | Random | MonteCarlo | BoundaryDesign | LevelSet
-_DESIGNS: dict[str, type[Design]] = {
+DESIGNS: dict[str, type[Design]] = {
     "grid": Grid,
     "random": Random,
     "monte_carlo": MonteCarlo,
@@ -197,15 +228,25 @@ class Sweep:
     """
 
     name: str
+    """Names the folder of the results; that of the file without it."""
     scenario: str
+    """A shipped scenario, or a file relative to the sweep's."""
     axes: tuple[Axis, ...]
+    """One table `[[axes]]` for each."""
     design: Design
+    """One table: `[grid]`, `[random]`, `[monte_carlo]`, `[boundary]` or `[level_set]`."""
     title: str = ""
+    """One line for lists and the page."""
     description: str = ""
+    """Text above the page."""
     evaluator: str = "simulation"
+    """What judges a point: "simulation", "cosimulation" (FMUs only) or "spectrum" (no simulation)."""
     set: Mapping[str, object] = field(factory=dict)
+    """Values at paths for all points, as with `--set`."""
     curves: tuple[str, ...] = ()
+    """Theory curves to draw over a map."""
     effects: str | None = None
+    """An effects file of `close-loop` that is applied at every point."""
     folder: Path = field(default=Path(), eq=False)
     changes: Mapping[str, object] = field(factory=dict, eq=False)
 
@@ -246,10 +287,8 @@ def _find(name_or_path: str) -> Path:
 def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
     """The sweep of a TOML table. Raises InputError with every problem found."""
     problems: list[Problem] = []
-    known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", "folder", "changes")] + [
-        *_DESIGNS,
-        "format",
-    ]
+    known = [entry.name for entry in fields(Sweep) if entry.name not in ("design", *NOT_IN_A_FILE)]
+    known += [*DESIGNS, "format"]
     unknown = [key for key in table if key not in known]
     problems += [
         Problem(f"{path.name}: {key}", "a known key", "an unknown one", did_you_mean(key, known))
@@ -266,10 +305,10 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
         problems.append(Problem(f"{path.name}: format", str(FORMAT), repr(table["format"])))
     if _has_nul(table):
         problems.append(Problem(path.name, "text without the sign U+0000", "one"))
-    given = [name for name in _DESIGNS if name in table]
+    given = [name for name in DESIGNS if name in table]
     if len(given) != 1:
-        problems.append(Problem(path.name, f"one of [{'], ['.join(_DESIGNS)}]", " and ".join(given) or "none"))
-    body = {key: value for key, value in table.items() if key in known and key not in (*_DESIGNS, "format", "axes")}
+        problems.append(Problem(path.name, f"one of [{'], ['.join(DESIGNS)}]", " and ".join(given) or "none"))
+    body = {key: value for key, value in table.items() if key in known and key not in (*DESIGNS, "format", "axes")}
     if any(not isinstance(table[key], kind) for key, (kind, _) in _KINDS.items() if key in table):
         raise InputError(problems)
     axes = [
@@ -277,7 +316,7 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
         for n, entry in enumerate(table.get("axes", []), 1)
     ]
     design: Design | None = (
-        _structured(_DESIGNS[given[0]], table[given[0]], f"{path.name}: {given[0]}", problems)
+        _structured(DESIGNS[given[0]], table[given[0]], f"{path.name}: {given[0]}", problems)
         if len(given) == 1
         else None
     )

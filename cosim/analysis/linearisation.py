@@ -11,7 +11,7 @@ more than the age of the received sample; the spectrum with the age of every pat
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from cosim.analysis.examination import Examined, examine
 from cosim.analysis.linear_fmu import LinearFmu, channel_bounds
@@ -19,7 +19,6 @@ from cosim.analysis.spectrum import DelayFamily, DelaySystem
 from cosim.engine.master import System
 from cosim.errors import InputError, Problem
 from cosim.scenario import Scenario
-from cosim.signals import stem
 from cosim.wiring import Link, Wiring
 
 
@@ -104,7 +103,9 @@ def linear_loop(found: Examined) -> LinearLoop:
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
     if not states:
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))
-    terms = _Paths(wiring, fmus, states, set(channels)).derivatives()
+    paths = _Paths(wiring, fmus, states, set(channels))
+    terms = paths.derivatives()
+    fmus = {name: evolve(fmu, why=fmu.why or _ECHO) if name in paths.echoing else fmu for name, fmu in fmus.items()}
     kept = _relevant(states, terms)
     if not kept:
         raise InputError(
@@ -127,8 +128,17 @@ def linear_loop(found: Examined) -> LinearLoop:
     )
 
 
+_ECHO = "passes on at once what comes back to it over the channels: not a retarded loop"
+_ROUNDING = 1e-12
+"""Share of the largest derivative of an output or state below which one is the rounding of a difference quotient."""
+
+
 class _Paths:
-    """Follows signals back to states: each is a sum over ways of a row vector over the states of the system."""
+    """Follows signals back to states: each is a sum over ways of a row vector over the states of the system.
+
+    echoing: components with an output that comes back to itself without passing a state, as an unmatched wave does. It
+    is followed once only.
+    """
 
     def __init__(
         self, wiring: Wiring, fmus: Mapping[str, LinearFmu], states: Sequence[str], channels: set[str]
@@ -143,6 +153,8 @@ class _Paths:
             for link in wiring.links
         }
         self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
+        self.followed: list[tuple[str, str]] = []
+        self.echoing: set[str] = set()
 
     def derivatives(self) -> dict[Way, np.ndarray]:
         """One matrix (n, n) for every way."""
@@ -158,8 +170,9 @@ class _Paths:
         own = np.zeros(self.size)
         own[self.places[name]] = by_state
         _add(total, Way(0.0, ()), own)
+        least = _ROUNDING * np.abs(np.concatenate([by_state, by_input])).max(initial=0.0)
         for variable, weight in zip(fmu.inputs, by_input):
-            if weight != 0.0:
+            if abs(weight) > least:
                 for way, vector in self._input(name, variable).items():
                     _add(total, way, weight * vector)
         return total
@@ -174,10 +187,16 @@ class _Paths:
         return self.known[name, variable]
 
     def _output(self, name: str, variable: str) -> dict[Way, np.ndarray]:
+        if (name, variable) in self.followed:
+            self.echoing |= {n for n, _ in self.followed[self.followed.index((name, variable)) :]} - self.channels
+            return {}
         fmu = self.fmus[name]
         row = fmu.outputs.index(variable)
         through = (name,) if name in self.channels else ()
-        return {Way(way.age, way.channels + through): v for way, v in self._sum(name, fmu.c[row], fmu.d[row]).items()}
+        self.followed.append((name, variable))
+        found = self._sum(name, fmu.c[row], fmu.d[row])
+        self.followed.pop()
+        return {Way(way.age, way.channels + through): v for way, v in found.items()}
 
 
 def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
@@ -188,13 +207,10 @@ def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
 def age_of(link: Link, wiring: Wiring, ages: Mapping[str, float]) -> float:
     """Age of the connection that the link is part of [s]."""
     for connection in wiring.scenario.connections:
-        source, target = connection.source, connection.target
-        if (source.component, target.component) != (link.source.component, link.target.component):
+        ends = (connection.source, link.source), (connection.target, link.target)
+        if any(a.component != b.component for a, b in ends):
             continue
-        if source.variable in (link.source.variable, stem(link.source.variable)) and target.variable in (
-            link.target.variable,
-            stem(link.target.variable),
-        ):
+        if all(b.variable in wiring.descriptions[a.component].elements(a.variable) for a, b in ends):
             return ages[str(connection)]
     return 0.0
 

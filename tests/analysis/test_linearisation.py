@@ -4,6 +4,7 @@ predicts.
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 from cosim.analysis.criteria import closed_form
 from cosim.analysis.linearisation import Way, at_pose, linearise
@@ -15,7 +16,8 @@ from cosim.arm.kinematics import jacobian
 from cosim.arm.parameters import SET_NAMES, parameter_set
 from cosim.engine.master import run
 from cosim.fmu import open_system
-from cosim.scenario import load_scenario
+from cosim.scenario import Connection, load_scenario
+from cosim.signals import Signal
 
 POSE = (0.0, 0.3, 0.4)
 SMALL = {"operator.amplitude": 0.0, "arm_l.dq_start": [1e-3, 1e-3, 1e-3], "arm_r.dq_start": [-1e-3, -1e-3, -1e-3]}
@@ -147,3 +149,29 @@ def test_absent_effects_leave_no_states_and_present_ones_stay(free):
     lagged = linearise(scenario.with_values({"arm_l.actuator_lag": 0.01}), system)
     assert len(lagged.states) == 15 and any("tau_lag" in s for s in lagged.states)
     assert abscissa(lagged.system()) < 0
+
+
+@pytest.mark.parametrize(("damping", "whole"), [(2.0, True), (1.0, False)])
+def test_waves_that_echo_are_no_retarded_loop(damping, whole):
+    """A matched port (D = b = 2 N s/m) sends nothing back at once; another does, and the matrices do not tell all."""
+    values = {"controller_*.model": "WaveController", "controller_*.derivative_gain": damping}
+    scenario = load_scenario("controllers").with_values(values)
+    with open_system(scenario) as system:
+        loop = linearise(scenario, system)
+    echoing = {name for name, why in loop.unseen.items() if "comes back to it over the channels" in why}
+    assert echoing == (set() if whole else {"controller_l", "controller_r"})
+
+
+def test_a_part_of_a_packet_has_the_age_of_its_connection():
+    """Two connections into one packet give the same matrices as one."""
+    whole = load_scenario("controllers")
+    ends = [("controller_l", "sent", "channel_lr", "u"), ("controller_r", "sent", "channel_rl", "u")]
+    wires = [c for c in whole.connections if (c.source.component, c.source.variable) not in [e[:2] for e in ends]]
+    parts = [(*end, part) for end in ends for part in ("1..6", "7..12")]
+    wires += [Connection(Signal(a, f"{x}[{part}]"), Signal(b, f"{y}[{part}]")) for a, x, b, y, part in parts]
+    loops = []
+    for scenario in (whole, evolve(whole, connections=tuple(wires))):
+        with open_system(scenario) as system:
+            loops.append(linearise(scenario, system).terms)
+    assert loops[0].keys() == loops[1].keys() and any(way.age > 0.0 for way in loops[0])
+    assert all((loops[0][way] == loops[1][way]).all() for way in loops[0])

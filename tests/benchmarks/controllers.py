@@ -6,16 +6,16 @@ its own, 50 ms constant delay each way, segment arms: free motion of 15 mm at 0.
 
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 import cosim
 
 SWEEP = Path(cosim.__file__).parent / "sweeps" / "shipped" / "controllers.toml"
-BANDS = (0.005, 0.05, 0.1, 0.2, 0.5, 1.0)
+BANDS = (0.05, 0.1, 0.2, 0.5, 1.0)
 FREQUENCY, HELD = 0.5, 12.0  # Hz; s of free motion, of which the last two periods are looked at
 FREE = {
     "arm_r.contact_stiffness": 0.0,
@@ -54,53 +54,85 @@ def run(values: Mapping[str, object], stop: float) -> cosim.RunResult:
 
 def in_the_hand(values: Mapping[str, object]) -> tuple[float, float, float]:
     """Free motion along x: the grip's force in phase with velocity [N s/m] and with position [N/m], and the RMS
-    distance of the tips [mm].
+    distance of the tips [mm]; NaN where the last two periods differ by more than a twentieth.
     """
     result = run(dict(values) | FREE, HELD)
     last = result.time > HELD - 2.0 / FREQUENCY
     x, v, force = (column(result, name)[last] for name in ("arm_l.x", "arm_l.dx", "operator.f"))
+    one, two = np.array_split(x[: len(x) // 2 * 2], 2)
+    if np.abs(one - two).max() > 0.05 * np.abs(x).max():
+        return np.nan, np.nan, np.nan
     spring, damping, _ = np.linalg.lstsq(np.column_stack([x, v, np.ones_like(x)]), force, rcond=None)[0]
     apart = 1e3 * np.sqrt(np.mean((x - column(result, "arm_r.x")[last]) ** 2))
     return float(damping), float(spring), float(apart)
 
 
 def at_the_wall(values: Mapping[str, object]) -> tuple[float, float]:
-    """Pressed against the hard wall: the hand's force over the wall's, and the stiffness that the hand feels [N/m]."""
+    """Pressed against the hard wall: the hand's force over the wall's, and the stiffness that the hand feels [N/m]; NaN
+    where the force has not come to rest within a twentieth.
+    """
     result = run(values, 8.0)
     last = result.time > 7.0
-    hand, wall, x = (column(result, name)[last].mean() for name in ("operator.f", "arm_r.f_contact", "arm_l.x"))
-    return (float(-hand / wall) if wall else float("nan")), float(hand / (x - WALL))
+    force = column(result, "operator.f")[last]
+    if np.ptp(force) > 0.05 * np.abs(force).max():
+        return np.nan, np.nan
+    wall, x = (column(result, name)[last].mean() for name in ("arm_r.f_contact", "arm_l.x"))
+    return float(-force.mean() / wall), float(force.mean() / (x - WALL))
 
 
-def stable(folder: str) -> pd.DataFrame:
-    """The sweep's table, computed where it is not yet in `folder`, with `stable` and the band of the longest delay."""
-    table = cosim.sweep("controllers", folder=folder, progress=print).to_dataframe()
-    table["stable"] = table["outcome"].isin(["converged", "bounded"])
-    table["band"] = pd.cut(table["delay"], BANDS, labels=[f"to {b:g} s" for b in BANDS[1:]])
-    return table
+Table = dict[str, list[str]]
+"""Cells by the label of their row."""
 
 
-def markdown(table: pd.DataFrame) -> str:
-    """A table in Markdown, its index first."""
-    heads = ["controller", *map(str, table.columns)]
-    rows = [[str(index), *map(str, row)] for index, row in zip(table.index, table.to_numpy())]
-    return "\n".join("| " + " | ".join(row) + " |" for row in (heads, ["---"] * len(heads), *rows))
+def judged(folder: str) -> list[dict[str, str]]:
+    """The sweep's points, computed where they are not yet in `folder`: their choices, the band of the longest delay,
+    the verdict.
+    """
+    rows = cosim.sweep("controllers", folder=folder, progress=print).to_dataframe().to_dict("records")
+    said = {"converged": "stable", "bounded": "stable", "inconclusive": "open", "failed": "open"}
+    return [
+        {str(k): str(v) for k, v in row.items()}
+        | {"verdict": said.get(row["outcome"], "unstable"), "band": band(float(row["delay"]))}
+        for row in rows
+    ]
 
 
-def shares(table: pd.DataFrame, by: str) -> pd.DataFrame:
-    """Stable points of all, for each controller and entry of `by`."""
-    counted = table.groupby(["controller", by], observed=False)["stable"].agg(["sum", "count"])
-    return counted.apply(lambda r: f"{r['sum']:.0f}/{r['count']:.0f}", axis=1).unstack(by)
+def band(delay: float) -> str:
+    """The band of a delay, by its upper end."""
+    return f"to {next(b for b in BANDS if delay <= b):g} s"
+
+
+def markdown(heads: Sequence[str], table: Table) -> str:
+    """A table in Markdown."""
+    rows = [["controller", *heads], ["---"] * (len(heads) + 1), *([label, *cells] for label, cells in table.items())]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def shares(points: Sequence[Mapping[str, str]], by: str) -> str:
+    """Stable points of those decided, and those left open, for each controller and entry of `by`: `7/8 +2`."""
+    heads = [f"to {b:g} s" for b in BANDS] if by == "band" else sorted({p[by] for p in points})
+    count = Counter((p["controller"], p[by], p["verdict"]) for p in points)
+
+    def cell(label: str, entry: str) -> str:
+        stable, unstable, left = (count[label, entry, verdict] for verdict in ("stable", "unstable", "open"))
+        return f"{stable}/{stable + unstable}{f' +{left}' if left else ''}"
+
+    return markdown(heads, {label: [cell(label, entry) for entry in heads] for label in controllers()})
+
+
+def figures(values: Mapping[str, object]) -> list[str]:
+    """What the hand feels of a controller, as text."""
+    formats = (".2f", ".1f", ".1f", ".2f", ".0f")
+    found = (*in_the_hand(values), *at_the_wall(values))
+    return [format(v, f) if np.isfinite(v) else "no rest" for v, f in zip(found, formats)]
 
 
 def main(folder: str) -> None:
     """Print every table of the page."""
-    table, known = stable(folder), controllers()
+    points = judged(folder)
     for by in ("band", "surroundings", "law", "set"):
-        print(markdown(shares(table, by).loc[list(known)]), "\n")
-    felt = [[*in_the_hand(values), *at_the_wall(values)] for values in known.values()]
-    figures = [[f"{d:.2f}", f"{k:.1f}", f"{apart:.1f}", f"{share:.2f}", f"{s:.0f}"] for d, k, apart, share, s in felt]
-    print(markdown(pd.DataFrame(figures, list(known), list(HEADS))))
+        print(shares(points, by), "\n")
+    print(markdown(HEADS, {label: figures(values) for label, values in controllers().items()}))
 
 
 if __name__ == "__main__":

@@ -81,7 +81,10 @@ TRIALS = {"SerialArm": 4000}
 @pytest.mark.needs("cc")
 @pytest.mark.parametrize(
     "model",
-    ["PhantomArm", "SerialArm", "AxisDrive", "VariableDelayChannel", "InverseDynamicsController", "ForceObserver"],
+    [
+        *("PhantomArm", "SerialArm", "AxisDrive", "VariableDelayChannel", "InverseDynamicsController", "ForceObserver"),
+        *("PacketChannel", "PDLikeController", "PassivityController", "TwoLayerController", "ModelMediatedController"),
+    ],
 )
 def test_sanitizers_find_nothing_and_no_state_is_lost(model, tmp_path):
     compiled = CompiledModel(model)

@@ -5,9 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from cosim.arm.dynamics import tip_mass
+from cosim.arm.parameters import parameter_set
 from cosim.sweeps.campaign import every_choice, task_of
 from cosim.sweeps.evaluate import cosimulation, setup
 from cosim.sweeps.spec import load_sweep
+from tests.benchmarks.controllers import FREQUENCY, controllers, in_the_hand
 
 SPEC = load_sweep("controllers")
 POINTS = every_choice(SPEC)
@@ -35,6 +38,21 @@ def test_gains_keep_the_rules_for_fifty_milliseconds():
     assert chosen("PD+d")["velocity_gain"] ** 2 <= 1.0 - fastest
     force = chosen("position-force")
     assert 2 * DELAY * force["force_gain"] * STIFFNESS < force["damping"]
+
+
+def test_the_hand_feels_of_p_plus_d_what_its_equations_say():
+    """One axis of two arms of mass m, 0.5 Hz: F/x = m s^2 + B s + K - (K e)^2 / (m s^2 + B s + K), e = exp(-s T).
+
+    T is the channel's delay and the communication step that a sample waits for; the arms move little, so m stays.
+    """
+    mass = float(tip_mass(parameter_set("segment").pi, np.array([0.0, 0.3, 0.4]), np.array([1.0, 0.0, 0.0])))
+    values = controllers()["P+d"]
+    s = 2j * np.pi * FREQUENCY
+    own = mass * s**2 + float(str(values["controller_*.damping"])) * s + STIFFNESS
+    force = own - (STIFFNESS * np.exp(-s * (DELAY + STEP))) ** 2 / own
+    damping, spring, _ = in_the_hand(values)
+    assert damping == pytest.approx((force / s).real, rel=1e-3)
+    assert spring == pytest.approx(force.real, rel=1e-2)
 
 
 def test_a_point_is_carried_out():

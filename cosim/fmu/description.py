@@ -12,6 +12,7 @@ from zipfile import ZipFile
 from attrs import evolve, frozen
 
 from cosim.errors import InputError, Problem
+from cosim.fmu.faults import faults
 from cosim.fmu.places import Progress, digest, fmu_file, recording_warnings, stamp
 from cosim.opening import named_file
 from cosim.scenario import Scenario
@@ -105,9 +106,12 @@ def model_of(path: str) -> Any:
     import fmpy
 
     try:
-        return fmpy.read_model_description(path, validate=False)
+        model = fmpy.read_model_description(path, validate=False)
     except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions for whatever it meets in a file
         raise InputError(Problem(path, "an FMU", str(error) or type(error).__name__)) from None
+    if problems := faults(path, model):
+        raise InputError(problems)
+    return model
 
 
 def no_cosimulation(path: str, model: Any) -> Problem | None:
@@ -251,17 +255,14 @@ def _starts(v: Any, count: int, array: bool) -> list[float | str | None]:
         return [v.start] * count
     texts = str(v.start).split() if array else [str(v.start)]
     texts = texts * count if len(texts) == 1 else texts
-    return [*(_number(v, text) for text in texts[:count]), *[None] * (count - len(texts))]
+    return [_number(v, text) for text in texts] if len(texts) == count else [None] * count  # other sizes: not known
 
 
 def _number(v: Any, text: str) -> float:
     if v.type == "Boolean":
         return float(text.strip().lower() in ("true", "1"))
     if v.type in WHOLE:
-        try:
-            return int(text)
-        except ValueError:
-            pass
+        return int(text)
     return float(text)
 
 

@@ -144,6 +144,39 @@ def test_a_number_too_large_for_the_input_ends_the_run_by_name(tmp_path):
         run(scenario(tmp_path, parts | {"a": (a, {"k": 256})}, ["a.n -> b.small"]))
 
 
+@pytest.mark.parametrize(
+    ("variables", "types", "told"),
+    [
+        ([X, ("x", 1, "input", "Real", {"start": 0})], "", "x: expected one variable of this name, got 2"),
+        ([X, ("", 1, "input", "Real", {"start": 0})], "", "expected a name for every variable, got an empty one"),
+        ([("n", 0, "parameter", "Integer", {"start": "1.5"})], "", "n: expected start to be a whole number, got '1.5'"),
+        ([("b", 0, "parameter", "Boolean", {"start": "yes"})], "", "b: expected start to be true or false, got 'yes'"),
+        ([("u", 0, "input", "Real", {"start": 1, "max": "1,5"})], "", "u: expected max to be a number, got '1,5'"),
+        (
+            [("mode", 0, "parameter", "Enumeration", {"declaredType": "Mode", "start": 10})],
+            ENUM.replace('name="off"', 'name="fast"'),
+            "type Mode: expected items of different names, got 'fast' 2 times",
+        ),
+        (
+            [("mode", 0, "parameter", "Enumeration", {"declaredType": "Mode", "start": 10})],
+            ENUM.replace('value="0"', 'value="20"'),
+            "type Mode: expected items of different values, got '20' 2 times",
+        ),
+    ],
+)
+def test_descriptions_that_mean_nothing_are_refused(tmp_path, variables, types, told):
+    assert told in refusal(scenario(tmp_path, {"a": (fmi2(tmp_path / "a.fmu", variables, types=types), {})}))
+
+
+def test_items_with_gaps_and_signs(tmp_path):
+    """Values -5, 0 and 2^31 - 1 reach the FMU and come back."""
+    types = ENUM.replace('value="10"', 'value="-5"').replace('value="20"', f'value="{2**31 - 1}"')
+    mode = ("mode", 0, "parameter", "Enumeration", {"declaredType": "Mode", "start": 0})
+    file = fmi2(tmp_path / "e.fmu", [X, U, mode, ("seen", 1, "output", "Integer", {})], types=types)
+    for given, value in (("slow", -5), ("fast", 2**31 - 1), (-5, -5)):
+        assert last(run(scenario(tmp_path, {"a": (file, {"mode": given})})), "a.seen") == value
+
+
 # --- arrays -----------------------------------------------------------------------------------------------------------
 
 
@@ -183,6 +216,14 @@ def test_a_structural_parameter_settles_the_sizes(tmp_path):
             result = run(made, system)
             np.testing.assert_allclose(result.vector("a.y")[-1], [13.0, 27.0], rtol=1e-12)
         assert run(scenario(tmp_path, {"a": (file, {})}), system).vector("a.y").shape[1] == 3
+
+
+def test_start_values_of_another_size_are_not_taken_for_those_of_the_chosen_one(tmp_path):
+    """The nine start values of A (3 x 3) say nothing of A (2 x 2): one element alone cannot be set."""
+    file = fmi3(tmp_path / "a.fmu")
+    assert [v.start for v in describe(file, {"n": 2}).variables.values() if v.name.startswith("A[")] == [None] * 4
+    told = refusal(scenario(tmp_path, {"a": (file, {"n": 2, "A[1,1]": 5.0})}))
+    assert "expected values for all elements, got none for A[1,2], A[2,1], A[2,2]" in told
 
 
 # --- settings, messages, libraries ------------------------------------------------------------------------------------

@@ -1,0 +1,75 @@
+"""What is wrong in a model description before anything is made of it: names, numbers, sizes, items."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from cosim.errors import Problem
+from cosim.signals import REALS, WHOLE
+
+_TRUTHS = ("true", "false", "1", "0")
+_EXPERIMENT = ("startTime", "stopTime", "stepSize", "tolerance")
+
+
+def faults(path: str, model: Any) -> list[Problem]:
+    """Problems of names that are empty or stand twice, and of texts that are no numbers of their type."""
+    where, found = f"{path}: modelDescription.xml", []
+    for name, count in Counter(v.name for v in model.modelVariables).items():
+        if not name:
+            found.append(Problem(where, "a name for every variable", "an empty one"))
+        elif count > 1:
+            found.append(Problem(f"{where}: {name}", "one variable of this name", str(count)))
+    for variable in model.modelVariables:
+        found += _of_variable(variable, f"{where}: {variable.name}")
+    for kind in {id(v.declaredType): v.declaredType for v in model.modelVariables if v.declaredType}.values():
+        found += _of_items(kind, f"{where}: type {kind.name}")
+    experiment = model.defaultExperiment
+    texts = {key: getattr(experiment, key, None) for key in _EXPERIMENT} if experiment else {}
+    return found + [
+        Problem(f"{where}: DefaultExperiment", f"{key} to be a number", repr(text))
+        for key, text in texts.items()
+        if text and not _is(float, str(text))
+    ]
+
+
+def _of_variable(v: Any, where: str) -> Iterator[Problem]:
+    if v.type == "Boolean":
+        fits, words = (lambda text: text.strip().lower() in _TRUTHS), "true or false"
+    elif v.type in WHOLE:
+        fits, words = (lambda text: _is(int, text)), "a whole number"
+    elif v.type in REALS:
+        fits, words = (lambda text: _is(float, text)), "a number"
+    else:
+        return
+    starts = [] if v.start is None else str(v.start).split() if v.dimensions else [str(v.start)]
+    for key, texts in {"start": starts, **{key: _texts(v, key) for key in ("min", "max", "nominal")}}.items():
+        wrong = [text for text in texts if not fits(text)]
+        if wrong:
+            yield Problem(where, f"{key} to be {words}", repr(wrong[0][:80]))
+    for dimension in v.dimensions or ():
+        if dimension.start is not None and not (_is(int, str(dimension.start)) and int(dimension.start) >= 0):
+            yield Problem(where, "a size of its dimension", repr(dimension.start))
+
+
+def _texts(v: Any, key: str) -> list[str]:
+    values = (getattr(holder, key, None) for holder in (v, v.declaredType) if holder is not None)
+    return [str(value) for value in values if value]
+
+
+def _of_items(kind: Any, where: str) -> Iterator[Problem]:
+    items = getattr(kind, "items", None) or ()
+    for item in items:
+        if not _is(int, str(item.value)):
+            yield Problem(where, f"a whole number as value of item {item.name!r}", repr(item.value))
+    for what, values in (("name", [i.name for i in items]), ("value", [str(i.value) for i in items])):
+        for value, count in Counter(values).items():
+            if count > 1:
+                yield Problem(where, f"items of different {what}s", f"{value!r} {count} times")
+
+
+def _is(kind: type, text: str) -> bool:
+    try:
+        kind(text)
+    except ValueError:
+        return False
+    return True

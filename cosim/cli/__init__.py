@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         10_000
     )  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command,
     atexit.register(gc.freeze)  # and a tenth once more at its end
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = [*(sys.argv[1:] if arguments is None else arguments)]  # the command `list` hides the type of that name
     debug = "--debug" in words
     words = _repeated([word for word in words if word != "--debug"])
     if words in (["--version"], ["-V"]):

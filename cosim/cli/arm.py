@@ -39,7 +39,7 @@ def workspace(
     parameters: SetOption = "segment",
     mounting: MountingOption = None,
     payload: PayloadOption = 0.0,
-    out: OutOption = Path("arm-workspace"),
+    out: OutOption = Path("results/arm-workspace"),
 ) -> None:
     """Where the tip can be, how heavy it feels there, where J is singular, and whether M is positive definite."""
     arm = _arm(parameters, mounting, payload)
@@ -58,7 +58,7 @@ def dissect_motion(
     seed: SeedOption = 1,
     result: ResultOption = None,
     component: ComponentOption = "arm",
-    out: OutOption = Path("arm-dissect"),
+    out: OutOption = Path("results/arm-dissect"),
 ) -> None:
     """Which share of each joint's torque is inertia, Coriolis, gravity and friction (Taati 4.1, Figs. 10 and 11)."""
     arm = _arm(parameters, mounting, payload)
@@ -81,7 +81,7 @@ def counterbalance(
     tool: ToolOption = GIMBAL.mass,
     tool_distance: DistanceOption = GIMBAL.distance,
     lever: LeverOption = LEVER,
-    out: OutOption = Path("arm-counterbalance"),
+    out: OutOption = Path("results/arm-counterbalance"),
 ) -> None:
     """The counterweights that cancel gravity with a tool on the tip, and what they cost in inertia (Taati 4.2)."""
     _check_lengths(tool, tool_distance, lever)

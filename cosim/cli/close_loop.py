@@ -24,13 +24,13 @@ def command(
         typer.Option(help="also write the parameters of the effects as closure.csv or closure.parquet"),
     ] = None,
     replay: Annotated[bool, typer.Option(help="Replay the experiment with the FMUs.")] = True,
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("close-loop"),
+    out: Annotated[Path | None, typer.Option(help="Folder of the results (default: results/STEM-closure).")] = None,
 ) -> None:
     """Trace the residual of a recording to a missing effect, add it to the FMU, report the error before and after."""
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
 
-    made(out)
+    folder = made(out or named(f"{data[0].stem}-closure"))
     found = cosim.close_loop(
         data,
         test,
@@ -41,10 +41,10 @@ def command(
         progress=_tell,
     )
     _tell("writing the results")
-    written = found.save(out, export=[kind.value for kind in export or ()])
+    written = found.save(folder, export=[kind.value for kind in export or ()])
     for text in written.warnings:
         print(f"warning: {text}", file=sys.stderr)
-    print(f"{written}\nresults: {out}")
+    print(f"{written}\nresults: {folder}")
 
 
 def _tell(text: str) -> None:

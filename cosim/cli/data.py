@@ -18,9 +18,9 @@ def command(
     import sys
 
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
 
-    folder = made(out or Path("results") / files[0].stem)
+    folder = made(out or named(files[0].stem))
     kept = (folder / "description.toml").exists()
     found = cosim.data(files, description)
     found.save(folder)

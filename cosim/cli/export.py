@@ -18,7 +18,7 @@ def command(
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
-    out: Annotated[Path, typer.Option(help="folder to write to")] = Path("export"),
+    out: Annotated[Path | None, typer.Option(help="folder (default: results/SCENARIO-export)")] = None,
     enumerations: Annotated[
         bool, typer.Option("--enumerations/--no-enumerations", help="whole numbers in place of enumerations (Maestro)")
     ] = True,
@@ -26,12 +26,13 @@ def command(
 ) -> None:
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
     from cosim.cli.run import prepare
 
     chosen = prepare(scenario, set_ or [], effects, allow_outside).scenario
-    written = cosim.export(chosen, made(out), platforms=platform, progress=_say, enumerations=enumerations)
-    print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {out / 'fmi2'} and {out / 'fmi3'}")
+    folder = made(out or named(f"{chosen.name}-export"))
+    written = cosim.export(chosen, folder, platforms=platform, progress=_say, enumerations=enumerations)
+    print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {folder / 'fmi2'} and {folder / 'fmi3'}")
     print(f"{written.ssp}: the wired system (SSP 1.0)")
     print("\n".join(f"{path}: the wired system as one FMU" for path in written.containers))
 

@@ -16,7 +16,7 @@ def command(
     description: Annotated[
         Path | None, typer.Option(help="what the columns are (TOML); default: beside the data")
     ] = None,
-    out: Annotated[Path, typer.Option(help="folder for identification.json and report.html")] = Path("out/identify"),
+    out: Annotated[Path | None, typer.Option(help="folder (default: results/STEM-identification)")] = None,
     export: Annotated[
         list[TableFormat] | None,
         typer.Option(help="also write the parameters as identification.csv or identification.parquet"),
@@ -37,10 +37,10 @@ def command(
     import sys
 
     import cosim
-    from cosim.cli.folder import made
+    from cosim.cli.folder import made, named
 
     print(f"identifying from {len(data) + len(test or [])} file(s)", file=sys.stderr)
-    made(out)
+    folder = made(out or named(f"{data[0].stem}-identification"))
     found = cosim.identify(
         data,
         test,
@@ -51,7 +51,7 @@ def command(
         robust=robust,
         physical=physical,
     )
-    found.save(out, export=[kind.value for kind in export or ()])
+    found.save(folder, export=[kind.value for kind in export or ()])
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    print(f"{found}\nwritten: {out / 'identification.json'}, {out / 'report.html'}")
+    print(f"{found}\nwritten: {folder / 'identification.json'}, {folder / 'report.html'}")

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cosim.api.runs import RunResult, load, open_result, run
     from cosim.api.starting import new
     from cosim.api.sweeping import SweepTable, sweep
+    from cosim.api.verifying import VerifiedCertificate, verify
     from cosim.engine.outcome import Outcome
     from cosim.measured import Recording
     from cosim.scenario import Scenario
@@ -43,6 +44,7 @@ __all__ = [
     "Scenario",
     "StabilityResult",
     "SweepTable",
+    "VerifiedCertificate",
     "build",
     "close_loop",
     "compare",
@@ -59,6 +61,7 @@ __all__ = [
     "stability",
     "sweep",
     "transparency",
+    "verify",
 ]
 
 _HOMES = {
@@ -80,6 +83,7 @@ _HOMES = {
     "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
     "cosim.api.starting": ("new",),
     "cosim.api.sweeping": ("SweepTable", "sweep"),
+    "cosim.api.verifying": ("VerifiedCertificate", "verify"),
     "cosim.engine.outcome": ("Outcome",),
     "cosim.measured": ("Recording",),
     "cosim.scenario": ("Scenario",),

@@ -1,14 +1,16 @@
 """Search for the delay law within a bound that makes a sampled loop grow fastest: policy iteration over a period."""
 
 import numpy as np
-from attrs import cmp_using, field, frozen
+from attrs import cmp_using, evolve, field, frozen
 
 from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
 
 _IMPROVEMENTS = 12
-_COARSE = 10
-"""Steps taken together in the first search."""
+_FACTOR = 3
+"""Steps taken together: powers of this."""
+_FEW = 60
+"""Coarse steps in the largest delay, at most."""
 
 
 def _whole(values) -> np.ndarray:
@@ -57,54 +59,61 @@ def destroying_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int
     """The law with the smallest bound [steps], searched between low and high, that makes the loop grow; None if none.
 
     `ways`: which law each channel follows, (0, 0) for the same law both ways, (0, 1) for independent ones. Periods and
-    bounds are searched on a loop of coarser steps; at the loop's own step the law is improved, and the bound follows
-    the line through the growth rates until the smallest growing one is found. A law found is a proof that it exists;
-    that no smaller bound has one is for a certificate to say.
+    bounds are searched on a loop of coarser steps, and improved on finer ones down to the loop's own. A law found is a
+    proof that it exists; that no smaller bound has one is for a certificate to say.
     """
-    start = _coarse_law(loop, ways, low, high)
-    if start is None:
-        return None
-    laws: dict[int, DelayLaw] = {}
-    most, slope = int(start.ages.max()), 0.5 / start.max_delay
-    start = max((_tuned(loop, most, ways, law, 8) for law in (start, _held_peak(loop, most))), key=_rate)
-    for _ in range(8):
-        laws[most] = start
+    sketch = sketched(loop, ways, low, high)
+    return None if sketch is None else refined(loop, ways, sketch, low, high)
+
+
+def sketched(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:
+    """A destroying law of coarse steps, near the smallest bound; None where the search finds none."""
+    together = _together(high)
+    coarse, least, most = _level(loop, together), max(low // together - 1, 1), -(-high // together)
+    best = _searched(coarse, most, ways)
+    return _descended(coarse, best, ways, (least, most), 4, 8) if best.growth_rate > 0.0 else None
+
+
+def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int, high: int) -> DelayLaw | None:
+    """The destroying law with the smallest bound of the loop's own step that improving a sketch leads to."""
+    together, law = round(sketch.step / loop.step), sketch
+    while together > 1:
+        together //= _FACTOR
+        law = evolve(law, ages=np.repeat(law.ages, _FACTOR, axis=1) * _FACTOR, step=law.step / _FACTOR)
+        bounds = max(low // together - 1, 1), high // together + _FACTOR
+        law = _descended(_level(loop, together), law, ways, bounds, 2, 5)
+    exact = under(loop, law.ages)
+    return exact if exact.growth_rate > 0.0 else None
+
+
+def _together(high: int) -> int:
+    """Steps taken together in the first search, a power of _FACTOR."""
+    together = 1
+    while high > _FEW * together:
+        together *= _FACTOR
+    return together
+
+
+def _level(loop: SampledLoop, together: int) -> SampledLoop:
+    return coarser(loop, together) if together > 1 else loop
+
+
+def _descended(
+    loop: SampledLoop, law: DelayLaw, ways: tuple[int, ...], bounds: tuple[int, int], change: int, rounds: int
+) -> DelayLaw:
+    """The law of the smallest growing bound, along the line through the growth rates; the best one if none grows."""
+    most, slope, laws = int(law.ages.max()), 0.5 / law.max_delay, dict[int, DelayLaw]()
+    for _ in range(rounds):
+        law = laws[most] = _tuned(loop, most, ways, law, change)
         ends = laws[min(laws)], laws[max(laws)]
         if ends[0] is not ends[1]:
             slope = (ends[1].growth_rate - ends[0].growth_rate) / (ends[1].max_delay - ends[0].max_delay)
-        step = start.growth_rate / max(slope, 1e-2) / loop.step
-        most -= max(int(step), 1) if start.growth_rate > 0.0 else min(int(np.floor(step)), -1)
-        if most in laws or not low <= most <= high:
+        step = law.growth_rate / max(slope, 1e-2) / loop.step
+        most -= max(int(step), 1) if law.growth_rate > 0.0 else min(int(np.floor(step)), -1)
+        if most in laws or not bounds[0] <= most <= bounds[1]:
             break
-        start = _tuned(loop, most, ways, start, 2)
-    exact = (under(loop, law.ages) for _, law in sorted(laws.items()) if law.growth_rate > 0.0)
-    return next((law for law in exact if law.growth_rate > 0.0), None)
-
-
-def _coarse_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:
-    """A law of the loop's own step near the smallest destroying bound, from a search at coarser steps."""
-    coarse = coarser(loop, _COARSE)
-    low, high = max(low // _COARSE - 1, 1), -(-high // _COARSE)
-    best = _searched(coarse, high, ways)
-    if best.growth_rate <= 0.0:
-        return None
-    while high - low > 1:
-        middle = (low + high) // 2
-        law = _tuned(coarse, middle, ways, best, 4)
-        if law.growth_rate <= 0.0:
-            law = _searched(coarse, middle, ways)
-        if law.growth_rate > 0.0:
-            best, high = law, middle
-        else:
-            low = middle
-    return DelayLaw(np.repeat(best.ages, _COARSE, axis=1) * _COARSE, loop.step, best.multiplier)
-
-
-def _held_peak(loop: SampledLoop, most: int) -> DelayLaw:
-    """The law that keeps an extreme in sight as long as it can, in each half period of the mode of the full delay."""
-    full = under(loop, np.full((loop.channels, 1), most)).multiplier
-    half = max(round(np.pi / max(abs(np.angle(full)), 1e-3)), 2)
-    return DelayLaw(np.tile(np.minimum(np.arange(half), most), (loop.channels, 1)), loop.step, full)
+    growing = [law for _, law in sorted(laws.items()) if law.growth_rate > 0.0]
+    return growing[0] if growing else max(laws.values(), key=_rate)
 
 
 def _searched(loop: SampledLoop, most: int, ways: tuple[int, ...]) -> DelayLaw:
@@ -113,7 +122,7 @@ def _searched(loop: SampledLoop, most: int, ways: tuple[int, ...]) -> DelayLaw:
     Periods of 1.5 to 6 times the bound; independent ways start a third of a period apart.
     """
     found = []
-    for period in sorted({round(most * factor) for factor in np.geomspace(1.5, 6.0, 32)}):
+    for period in sorted({round(most * factor) for factor in np.geomspace(1.5, 6.0, 16)}):
         k = np.arange(period)
         for start in (np.minimum(k, most), np.where(k < 0.2 * period, 0, most)):
             ages = np.array([np.roll(start, way * period // 3) for way in ways])

@@ -1,8 +1,5 @@
-"""A proof of stability for every delay law up to a bound, as a file holds it."""
+"""A proof of stability for every delay law up to a bound, as plain data hold it."""
 
-import json
-from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +8,6 @@ from attrs import cmp_using, field, frozen
 from cosim.analysis.delay_grid import DelayGrid
 from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
-from cosim.opening import named_file
-
-FORMAT = "haptic-cosim stability certificate 1"
 
 
 @frozen
@@ -38,7 +32,7 @@ class Certificate:
     """Claim: the loop is exponentially stable whatever each channel's delay does between 0 and the last knot.
 
     The channels' laws need not have anything to do with one another. `uses` says which multiplier serves a channel.
-    Nothing in here has to be believed: `proof.verify` checks it.
+    Nothing in here has to be believed: `proof.proven` checks it.
     """
 
     loop: SampledLoop
@@ -72,7 +66,6 @@ class Certificate:
         """Plain data; every number is a float that its decimal form gives back to the bit."""
         loop = self.loop
         return {
-            "claim": f"exponentially stable for every delay law from 0 to {self.max_delay:.6g} s in each channel",
             "loop": {
                 "step": loop.step,
                 "transition": loop.transition.tolist(),
@@ -87,27 +80,8 @@ class Certificate:
         }
 
 
-def save(certificates: Iterable[Certificate], path: str | Path) -> None:
-    """Writes the certificates of a system that falls into independent loops (one an axis, say) to one JSON file."""
-    content = {"format": FORMAT, "loops": [certificate.to_dict() for certificate in certificates]}
-    Path(path).write_text(json.dumps(content) + "\n", encoding="utf-8")
-
-
-def load(path: str | Path) -> tuple[Certificate, ...]:
-    """Reads what `save` wrote; the system is stable for every law up to the smallest `max_delay`. InputError else."""
-    advice = "`cosim stability SCENARIO --any-delay` writes one"
-    try:
-        content = json.loads(named_file(path, "a certificate", advice=advice).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(Problem(str(path), "a certificate in JSON", str(error), advice)) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT or not content.get("loops"):
-        found = content.get("format") if isinstance(content, dict) else type(content).__name__
-        raise InputError(Problem(str(path), f'"format": "{FORMAT}" and loops', str(found), advice))
-    return tuple(from_dict(data, f"{path}, loop {k}") for k, data in enumerate(content["loops"]))
-
-
-def from_dict(data: dict[str, Any], where: str = "certificate") -> Certificate:
-    """A certificate from `Certificate.to_dict`; InputError where something is missing or does not fit."""
+def certificate_of(data: dict[str, Any], where: str = "certificate") -> Certificate:
+    """A certificate from `Certificate.to_dict`. Raises InputError where something is missing or does not fit."""
     try:
         return Certificate(
             SampledLoop(**data["loop"]),

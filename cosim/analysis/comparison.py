@@ -8,6 +8,7 @@ from attrs import field, frozen
 
 from cosim.analysis.assessment import Theory, boundary, plant_ports, theory
 from cosim.analysis.coupling import Coupled, coupled
+from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.evidence import GROWS, UNSTABLE, StabilityEvidence, strongest
 from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import LinearFmu
@@ -74,6 +75,7 @@ class Comparison:
     added_ages: Mapping[str, float] = field(factory=dict)
     parts: Mapping[str, LinearFmu] = field(factory=dict, repr=False)
     stepped: Stepped | None = field(default=None, repr=False)
+    any_delay: AnyDelay | None = field(default=None, repr=False)
 
     @property
     def evidence(self) -> StabilityEvidence:

@@ -35,6 +35,7 @@ def document(found: Comparison) -> dict[str, object]:
             "interval": None if found.judged.interval is None else [number(v) for v in found.judged.interval],
             "advice": found.judged.outcome.advice,
         },
+        "any_delay": None if found.any_delay is None else found.any_delay.to_dict(),
         "withheld": dict(t.withheld),
         "assumptions": [{"what": a.what, "holds": a.holds, "seen": a.seen} for a in t.coupled.assumptions],
         "linearised": {name: _part(found, name) for name in found.parts},

@@ -13,7 +13,6 @@ from attrs import frozen
 
 from cosim.analysis.certificate import Certificate, Multiplier
 from cosim.analysis.response import Response
-from cosim.errors import InputError, Problem
 
 _SMALLEST = 1e-9
 """Width of a frequency interval [rad/step] below which a certificate is given up."""
@@ -40,7 +39,7 @@ class Proof:
         return all(check.holds for check in self.checks)
 
 
-def verify(certificate: Certificate) -> Proof:
+def proven(certificate: Certificate) -> Proof:
     """Proves or does not prove the claim of a certificate; a False says that this proof fails, not that the loop grows.
 
     1. The loop without delay is stable: A is Schur, by an exact Lyapunov inequality.
@@ -136,12 +135,3 @@ def _response(certificate: Certificate) -> Check:
             middle = (low + high) / 2
             todo += [(low, middle), (middle, high)]
     return Check("the sum is negative at every frequency", True, f"{done} intervals of [0, pi]")
-
-
-def require(certificate: Certificate) -> Proof:
-    """`verify`, with an InputError that names the conditions where the proof fails."""
-    proof = verify(certificate)
-    problems = [Problem(c.condition, "proven", c.seen, "make it again") for c in proof.checks if not c.holds]
-    if problems:
-        raise InputError(problems)
-    return proof

@@ -35,7 +35,8 @@ class SampledLoop:
         found = (self.transition.shape, self.moved.shape, self.moved_now.shape)
         if found != ((n, n), (p, n), (p, p)):
             raise InputError(Problem("sampled loop", f"A {(n, n)}, C {(p, n)}, D {(p, p)} for B {(n, p)}", str(found)))
-        if not (self.step > 0.0 and all(np.all(np.isfinite(m)) for m in (self.transition, self.drive, self.moved))):
+        matrices = (self.transition, self.drive, self.moved, self.moved_now)
+        if not (np.isfinite(self.step) and self.step > 0.0 and all(np.all(np.isfinite(m)) for m in matrices)):
             raise InputError(Problem("sampled loop", "finite matrices and a step > 0 s", f"step {self.step}"))
 
     @property

@@ -27,12 +27,16 @@ _ITERATIONS = 500
 
 @frozen
 class StepLoop:
-    """z+ = M z over a period [s] of the schedule; `outputs` (2 n,) places of the store come first in z."""
+    """z+ = M z over a period [s] of the schedule; `outputs` (2 n,) places of the store come first in z.
+
+    places: for each component the place of its first state, and the one behind its last.
+    """
 
     matrix: Sparse = field(eq=False, repr=False)
     phases: tuple[Sparse, ...] = field(eq=False, repr=False)
     period: float
     outputs: int
+    places: Mapping[str, tuple[int, int]]
 
     def roots(self) -> np.ndarray:
         """Rightmost roots s = ln(z) / period [1/s] found, those of free motion left out, right to left."""
@@ -104,7 +108,8 @@ def step_loop(wiring: Wiring, fmus: Mapping[str, StepFmu]) -> StepLoop:
     matrix = phases[0]
     for rows in phases[1:]:
         matrix = (rows @ matrix).tocsr()
-    return StepLoop(matrix, tuple(phases), len(phases) * schedule.step_ns / 1e9, schedule.outputs)
+    places = dict(zip(schedule.components, zip(builder.first[:-1], builder.first[1:])))
+    return StepLoop(matrix, tuple(phases), len(phases) * schedule.step_ns / 1e9, schedule.outputs, places)
 
 
 @frozen
@@ -128,7 +133,7 @@ class _LinearMaster:
             rows = [names.index(output) for output in fmu.outputs]
             shape = (len(names), len(rows))
             places.append(sparse.csr_array((np.ones(len(rows)), (rows, range(len(rows)))), shape=shape))
-        return cls(schedule, fmus, tuple(first), tuple(late), int(late[-1]), places)
+        return cls(schedule, fmus, tuple(first.tolist()), tuple(late.tolist()), int(late[-1]), places)
 
     def inputs(self, operation: SetInputs, rows: Sparse) -> tuple[Sparse, Sparse]:
         """Inputs (m, z) and slopes (k, z) as the master hands them over."""

@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
+from cosim.analysis.certificate_file import save_certificate
 from cosim.analysis.comparison import Comparison, compare
+from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.document import document
 from cosim.analysis.linearisation import LinearLoop, at_pose
+from cosim.analysis.replay import write_trace
 from cosim.analysis.transparency import FREQUENCIES, Hybrid
 from cosim.analysis.transparency import transparency as hybrid_matrix
 from cosim.api.card import card
@@ -21,8 +24,8 @@ from cosim.engine.master import run as run_here
 from cosim.engine.reference import RunProgress
 from cosim.errors import InputError, RunError
 from cosim.fmu import FmuSet, open_system
-from cosim.results.saving import save_files, write_json
-from cosim.scenario import Scenario
+from cosim.results.saving import save_files, write_json, write_text
+from cosim.scenario import Scenario, to_toml
 
 if TYPE_CHECKING:
     from cosim.report.canvas import MplFigure
@@ -32,16 +35,25 @@ def stability(
     scenario: Scenario | str | Path,
     *,
     pose: Sequence[float] | None = None,
+    any_delay: bool = False,
     progress: Callable[[RunProgress], None] | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> StabilityResult:
     """Criteria, the exact spectrum, margins and a simulated growth rate of a scenario's loop.
 
-    pose: joint angles (q1, q2, q3) [rad] of both arms (default: the scenario's start); progress: see `cosim.run`.
+    pose: joint angles (q1, q2, q3) [rad] of both arms (default: the scenario's start); any_delay: also the two-sided
+    verdict for every delay law, which takes minutes; progress: see `cosim.run`; say: is told what is being done.
     Raises InputError where the scenario does not fit its FMUs, RunError where an FMU fails.
     """
     chosen = at_pose(scenario if isinstance(scenario, Scenario) else load(scenario), pose)
     with open_system(chosen) as system:
-        return StabilityResult(*compare(chosen, system, progress), _felt(chosen, system))
+        found, loop = compare(chosen, system, progress)
+        if any_delay:
+            from cosim.analysis.delay_verdict import any_delay as verdict
+
+            said = verdict(chosen, system, found.max_delay, say or (lambda text: None), progress)
+            found = evolve(found, any_delay=said)
+        return StabilityResult(found, loop, _felt(chosen, system))
 
 
 def _felt(scenario: Scenario, system: FmuSet) -> Hybrid | None:
@@ -97,12 +109,28 @@ class StabilityResult:
         return drawn(loop_figure(self.comparison, self.loop))
 
     def save(self, folder: str | Path, *, report: bool = True) -> Path:
-        """Write report.html and stability.json; returns the folder."""
+        """Write report.html and stability.json, and what there is of certificate.json, destroying.csv (a period of the
+        delay law) and destroying.toml (the scenario that plays it); returns the folder.
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page} if report else {}
-        save_files(folder, files | {"stability.json": lambda path: write_json(self.to_dict(), path)}, ["report.html"])
+        files |= self._two_sided() | {"stability.json": lambda path: write_json(self.to_dict(), path)}
+        save_files(folder, files, ["report.html", "certificate.json", "destroying.csv", "destroying.toml"])
         return folder
+
+    def _two_sided(self) -> dict[str, Callable[[Path], object]]:
+        found = self.comparison.any_delay
+        files: dict[str, Callable[[Path], object]] = {}
+        if found is None or found.system is None:
+            return files
+        system, destroyer, replay = found.system, found.destroyer, found.replay
+        if system.certificates:
+            files["certificate.json"] = lambda path: save_certificate(system, path)
+        if destroyer is not None and replay is not None and (played := replay.scenario) is not None:
+            files["destroying.csv"] = lambda path: write_trace(destroyer.ages, system.step, system.channels, path)
+            files["destroying.toml"] = lambda path: write_text(to_toml(played), path)
+        return files
 
     def _write_page(self, path: Path) -> Path:
         from cosim.report.html import write_report
@@ -144,8 +172,22 @@ def _rows(found: Comparison) -> list[tuple[str, str]]:
         rows += [("spectrum", f"{'unstable' if t.abscissa > 0 else 'stable'}, abscissa {t.abscissa:+.5g} 1/s{limit}")]
     if "spectrum" in t.withheld:
         rows += [("spectrum", f"not given: {t.withheld['spectrum']}")]
+    rows += _any_delay_rows(found.any_delay) if found.any_delay else []
     rate = "" if judged.growth_rate is None else f", {judged.growth_rate:+.5g} 1/s"
     return [*rows, ("simulation", f"{judged.outcome.value}{rate}"), ("evidence", found.evidence.value)]
+
+
+def _any_delay_rows(found: AnyDelay) -> list[tuple[str, str]]:
+    replay, gap = found.replay, found.gap_percent
+    safe = f"stable for every law from 0 to {found.certified:.4g} s each way" if found.certified else ""
+    grown = ""
+    if found.destroyed_at and replay and replay.growth_rate is not None:
+        grown = f"a law up to {found.destroyed_at:.4g} s grows in the FMUs, {replay.growth_rate:+.3g} 1/s"
+    return [
+        ("any delay law, proven", safe or f"not given: {found.withheld['certificate']}"),
+        ("any delay law, destroyed", grown or f"not given: {found.withheld['destroying']}"),
+        *([("gap between the two", f"{gap:.2g} %")] if gap is not None else []),
+    ]
 
 
 def _verdict(holds: bool, yes: str, no: str, limit: float) -> str:

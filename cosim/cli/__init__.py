@@ -25,6 +25,7 @@ COMMANDS = {
     "run": "one co-simulation: summary.json, result.h5, report.html",
     "plot": "a figure of a run for a paper; its arms as a movie",
     "stability": "criteria, spectrum and simulation side by side",
+    "verify": "a certificate of `stability --any-delay`, checked without optimising",
     "sweep": "a batch stability sweep; the same folder again: resumes",
     "data": "what a recording holds, what is doubtful, and a description of it",
     "identify": "Taati's identification from measured data",

@@ -17,6 +17,10 @@ def command(
     pose: Annotated[
         str | None, typer.Option(help="joint angles q1,q2,q3 [rad] of both arms (default: the scenario's start)")
     ] = None,
+    any_delay: Annotated[
+        bool,
+        typer.Option("--any-delay", help="also: proven for every delay law up to T, and a law that destroys (minutes)"),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for the results (default: results/SCENARIO-stability)")
     ] = None,
@@ -24,7 +28,10 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
     allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
-    """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html."""
+    """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html.
+
+    With --any-delay also certificate.json (check it with `cosim verify`), destroying.csv and destroying.toml.
+    """
     import cosim
     from cosim.cli.folder import made, named
     from cosim.cli.run import RunMeter, prepare
@@ -32,13 +39,18 @@ def command(
     chosen, angles = prepare(scenario, set_ or [], effects, allow_outside).scenario, _pose(pose)
     folder = made(out or named(f"{chosen.name}-stability"))
     with RunMeter(chosen.name) as progress:
-        found = cosim.stability(chosen, pose=angles, progress=progress)
+        found = cosim.stability(chosen, pose=angles, any_delay=any_delay, progress=progress, say=say)
     found.save(folder, report=report)
     print(f"{found}\nwritten to {folder}")
     if found.failure is not None:
         raise found.failure
     if found.interrupted:
         sys.exit(130)
+
+
+def say(text: str) -> None:
+    """Tell on stderr what is being done."""
+    print(f"{text} ...", file=sys.stderr, flush=True)
 
 
 def _pose(text: str | None) -> list[float] | None:

@@ -70,9 +70,7 @@ def _assigned(scenario: AnyScenario, path: str, value: object, problems: list[Pr
         return scenario
     components = dict(scenario.components)
     for name in chosen:
-        components[name] = _component_with(
-            components[name], key.removeprefix("parameters."), value, f"path {path}", problems
-        )
+        components[name] = _component_with(components[name], key, value, f"path {path}", problems)
     return evolve(scenario, components=components)
 
 
@@ -84,7 +82,9 @@ def _assign_record(scenario: AnyScenario, head: str, key: str, value: object, pr
 
 
 def _component_with(component: Component, key: str, value: object, where: str, problems: list[Problem]) -> Component:
-    if key != "parameters" and key in {entry.name for entry in fields(Component)}:
+    parameter = key.startswith("parameters.")  # says so where a recording has a key of that name, `offset`
+    key = key.removeprefix("parameters.")
+    if not parameter and key != "parameters" and key in {entry.name for entry in fields(Component)}:
         table = plain(component)
         for other in ("model", "fmu", "recording"):
             if key in ("model", "fmu", "recording") and other != key:

@@ -1,0 +1,230 @@
+"""`cosim stability --any-delay`: the two-sided verdict on a scenario, with its destroying law in the FMUs."""
+
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from cosim.analysis.any_delay import CLASS, EQUAL, Destroyer, Say, TwoSided, two_sided, widened
+from cosim.analysis.at_rest import at_rest, bent
+from cosim.analysis.certificate_file import ProvenSystem
+from cosim.analysis.examination import examine
+from cosim.analysis.opened import FREQUENCIES, NotOpenError, OpenedLoop, opened
+from cosim.analysis.parting import LoopPart, parted
+from cosim.analysis.prediction import predict
+from cosim.analysis.replay import PlayedLaw, replayed, replaying, write_trace
+from cosim.analysis.stepped import Stepped, stepped
+from cosim.engine.isolation import called
+from cosim.engine.reference import RunProgress
+from cosim.errors import RunError
+from cosim.fmu import FmuSet
+from cosim.results.summary import number
+from cosim.scenario import Scenario
+from cosim.wiring import Wiring
+
+_REACH = 6.0
+"""Destroying laws are sought up to this times the bound of small gain where constant delays set no bound."""
+_MOST = 1200
+"""Delay in steps up to which destroying laws are sought: the map over a period holds twice as many past samples."""
+_TRIES = 4
+"""Laws that are played in the FMUs, each with more delay than the one before, until one grows there."""
+
+
+@frozen
+class OpenedAtRest:
+    """The loop of a scenario at rest opened at its channels, or None and why; `bent`: where its FMUs are not linear."""
+
+    loop: OpenedLoop | None
+    why: str = ""
+    bent: str = ""
+
+
+def open_at_rest(scenario: Scenario, system: FmuSet, mark: np.ndarray | None = None) -> OpenedAtRest:
+    """Open the loop of a scenario at rest, and look whether its FMUs move as linear ones do. Raises RunError.
+
+    mark: where it says which FMU is at work (see cosim.engine.reference.marked).
+    """
+    rest = at_rest(system.wiring(scenario))
+    try:
+        found = examine(system.wiring(rest), system, mark)
+        discrete = stepped(found)
+        loop = opened(found.wiring, discrete)
+        crooked = _missed(found.wiring, discrete, system, mark) or bent(rest, system)
+    except NotOpenError as error:
+        return OpenedAtRest(None, str(error))
+    return OpenedAtRest(loop, "", crooked)
+
+
+def _missed(wiring: Wiring, discrete: Stepped, system: FmuSet, mark: np.ndarray | None) -> str:
+    """Where the linear loop does not predict a short run of the FMUs; empty where it does."""
+    if discrete.loop is None:
+        return discrete.why
+    found = predict(examine(wiring, system, mark), discrete.loop, 0.0)
+    return "" if found.good else f"the linear loop misses {found.signal} by {100 * found.error:.2g} %"
+
+
+@frozen
+class AnyDelay:
+    """The verdict: what is proven for every law, and the law of the smallest T that was seen to grow in the FMUs.
+
+    `withheld` says why there is no certificate or no destroying law, by `certificate` and `destroying`.
+    """
+
+    system: ProvenSystem | None
+    found: TwoSided | None
+    destroyer: Destroyer | None
+    replay: PlayedLaw | None
+    withheld: Mapping[str, str]
+    boundary: float | None
+    seconds: float
+    missed: float = field(default=0.0)
+
+    @property
+    def certified(self) -> float | None:
+        """Largest T [s] proven stable for every law."""
+        return self.system.certified if self.system and self.system.certificates else None
+
+    @property
+    def destroyed_at(self) -> float | None:
+        """Smallest T [s] of a law that makes the FMUs grow."""
+        return self.destroyer.max_delay if self.destroyer else None
+
+    @property
+    def gap_percent(self) -> float | None:
+        """(destroying - certificate) / certificate [%]."""
+        return _gap(self.destroyed_at, self.certified)
+
+    def to_dict(self) -> dict[str, object]:
+        """`any_delay` of stability.json."""
+        kinds = {"independent": CLASS, "equal": EQUAL}
+        found = self.found.destroyers if self.found else {}
+        return {
+            "class": CLASS,
+            "certificate": number(self.certified),
+            "destroying": number(self.destroyed_at),
+            "gap_percent": number(self.gap_percent),
+            "withheld": dict(self.withheld),
+            "certificate_covers": "the sampled linear loop at rest at the start pose; equal ways and slower laws too",
+            "constant_delay": number(self.boundary),
+            "linear": {
+                name: None
+                if (law := found.get(kind)) is None
+                else {
+                    "destroying": law.max_delay,
+                    "growth_rate": law.law.growth_rate,
+                    "gap_percent": number(_gap(law.max_delay, self.certified)),
+                }
+                for name, kind in kinds.items()
+            },
+            "replay": None if self.replay is None else _replay(self.replay, self.destroyer),
+            "reduction_error": self.missed,
+            "loops": [part.loop.channels for part in self.system.parts] if self.system else [],
+            "seconds": self.seconds,
+        }
+
+
+def _gap(high: float | None, low: float | None) -> float | None:
+    return 100.0 * (high / low - 1.0) if high and low else None
+
+
+def _replay(replay: PlayedLaw, destroyer: Destroyer | None) -> dict[str, object]:
+    return {
+        "growth_rate": number(replay.growth_rate),
+        "interval": None if replay.interval is None else list(replay.interval),
+        "predicted": destroyer.law.growth_rate if destroyer else None,
+        "why": replay.why or None,
+    }
+
+
+def any_delay(
+    scenario: Scenario,
+    system: FmuSet,
+    boundary: float | None = None,
+    say: Say = lambda text: None,
+    progress: Callable[[RunProgress], None] | None = None,
+) -> AnyDelay:
+    """The verdict on a scenario with at least one channel.
+
+    boundary: largest constant delay each way [s], which no destroying law of the smallest bound exceeds; None where it
+    is not known. say: is told what is being done; progress: see `cosim.run`. Raises RunError.
+    """
+    began = time.process_time()
+    say("opening the loop at its channels")
+    open_ = called(partial(open_at_rest, scenario, system), OpenedAtRest, scenario, system, "the loop was opened")
+    if open_.loop is None:
+        return AnyDelay(None, None, None, None, dict.fromkeys(("certificate", "destroying"), open_.why), boundary, 0.0)
+    if open_.bent:
+        why = f"the linear loop is not the whole of it: {open_.bent}"
+        return AnyDelay(None, None, None, None, dict.fromkeys(("certificate", "destroying"), why), boundary, 0.0)
+    parts = parted(open_.loop)
+    found = two_sided(parts, *_bounds(parts, boundary), say)
+    withheld = {} if found.certificates else {"certificate": found.unproven}
+    proven = ProvenSystem.of(scenario, open_.loop, parts, found.certificates)
+    destroyer, replay = _played(scenario, system, proven, found, say, progress)
+    if destroyer is None:
+        withheld["destroying"] = _unseen(found, replay)
+    took = time.process_time() - began
+    return AnyDelay(proven, found, destroyer, replay, withheld, boundary, took, open_.loop.missed)
+
+
+def _bounds(parts: tuple[LoopPart, ...], boundary: float | None) -> tuple[int, int]:
+    """Delays [steps] between which destroying laws are sought: bound of small gain, and that of constant delays."""
+    gain = max(float(np.linalg.norm(part.loop.increments(FREQUENCIES), 2, axis=(1, 2)).max()) for part in parts)
+    low, step = max(int(0.9 / gain), 1), parts[0].loop.step
+    high = _REACH * low if boundary is None or not np.isfinite(boundary) else 1.02 * boundary / step
+    return low, max(int(np.ceil(min(high, _MOST))), low) + 2
+
+
+def _played(
+    scenario: Scenario,
+    system: FmuSet,
+    proven: ProvenSystem,
+    found: TwoSided,
+    say: Say,
+    progress: Callable[[RunProgress], None] | None,
+) -> tuple[Destroyer | None, PlayedLaw | None]:
+    """The destroying law that grows in the FMUs, stretched where it does not, and its replay."""
+    destroyer, replay = found.destroyer, None
+    for turn in range(_TRIES if destroyer else 0):
+        assert destroyer is not None
+        say(f"playing the law of {destroyer.max_delay:.4g} s in the FMUs")
+        replay = play(scenario, system, proven, destroyer, progress)
+        if replay.grows or replay.why:
+            break
+        more = max(round(0.002 * 2**turn * destroyer.law.ages.max()), 1)
+        destroyer = widened(destroyer, proven.parts[destroyer.part].loop, more)
+    return (destroyer if replay and replay.grows else None), replay
+
+
+def play(
+    scenario: Scenario,
+    system: FmuSet,
+    proven: ProvenSystem,
+    destroyer: Destroyer,
+    progress: Callable[[RunProgress], None] | None = None,
+) -> PlayedLaw:
+    """The replay of one law, its trace in a folder that lives as long as the run."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        wiring = system.wiring(scenario)
+        write_trace(destroyer.ages, proven.step, proven.channels, folder / "destroying.csv")
+        played = replaying(wiring, destroyer.ages, proven.channels, folder)
+        try:
+            replay = replayed(played, destroyer.ages.shape[1], progress)
+        except RunError as error:
+            return PlayedLaw(None, None, None, np.zeros((0, 2)), str(error))
+    trace = evolve(played.components["delay_trace"], recording="destroying.csv")
+    return evolve(replay, scenario=evolve(played, components={**played.components, "delay_trace": trace}))
+
+
+def _unseen(found: TwoSided, replay: PlayedLaw | None) -> str:
+    if found.destroyer is None:
+        return "the search found no law that makes the linear loop grow; nothing follows from that"
+    if replay is not None and replay.why:
+        return f"a law makes the linear loop grow, and was not seen in the FMUs: {replay.why}"
+    rate = "" if replay is None or replay.growth_rate is None else f" ({replay.growth_rate:+.4g} 1/s)"
+    return f"the law that makes the linear loop grow does not grow in the FMUs{rate}"

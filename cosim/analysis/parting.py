@@ -1,0 +1,117 @@
+"""A loop of several axes taken apart: turned signals of the channels, in which it is several loops beside one another.
+
+A channel shows all its signals with one age, so that any constant combination of them is delayed as they are. Where
+matrices T_c, one a channel, make the response T^-1 H(z) T fall into blocks of one signal of each channel, the loop is
+that many loops that do not know of each other (equal sides at rest: along the principal axes of J M^-1 J^T).
+"""
+
+import numpy as np
+from attrs import cmp_using, field, frozen
+
+from cosim.analysis.opened import FREQUENCIES, OpenedLoop, apart, balanced
+from cosim.analysis.sampled_loop import SampledLoop
+
+_APART = 1e-8
+"""Part of the response that may lie between two loops for them to count as separate (directional derivatives of the
+FMUs give 1e-12).
+"""
+_LOOKED = np.exp([1e-3, 3e-3, 1e-2])
+"""Real z > 1 where the response is real and the turns are looked for."""
+
+
+def _turns(values: object) -> tuple[np.ndarray, ...]:
+    return tuple(np.array(turn, dtype=float) for turn in values)  # type: ignore[attr-defined]
+
+
+@frozen
+class LoopPart:
+    """One of the loops; `turns[c]` (signals, k): signals of channel c as combinations of the k that this loop has.
+
+    `owner`: the channel of each signal of the loop.
+    """
+
+    loop: SampledLoop
+    turns: tuple[np.ndarray, ...] = field(
+        converter=_turns, eq=cmp_using(lambda a, b: all(map(np.array_equal, a, b)), class_name="Turns")
+    )
+
+    @property
+    def owner(self) -> tuple[int, ...]:
+        """For each signal of this loop the number of its channel."""
+        return tuple(c for c, turn in enumerate(self.turns) for _ in range(turn.shape[1]))
+
+
+def parted(opened: OpenedLoop) -> tuple[LoopPart, ...]:
+    """The loops into which an opened loop falls, slowest first; the whole of it where it does not fall apart."""
+    owner = np.array(opened.owner)
+    channels = [np.flatnonzero(owner == k) for k in range(len(opened.channels))]
+    turn = _axes(opened.loop, channels)
+    if turn is not None:
+        parts = [_part(opened.loop, turn, channels, axis) for axis in range(len(channels[0]))]
+        if joined_apart(opened.loop, parts) < _APART:
+            return tuple(sorted(parts, key=lambda part: -_slowness(part.loop)))
+    return (LoopPart(opened.loop, [np.eye(len(places)) for places in channels]),)
+
+
+def joined_apart(whole: SampledLoop, parts: "list[LoopPart] | tuple[LoopPart, ...]") -> float:
+    """Greatest part of the response of a whole loop by which loops beside one another differ from it; inf where these
+    do not make a whole.
+    """
+    turn = np.hstack([np.vstack([_placed(part, c) for c in range(len(part.turns))]) for part in parts])
+    if turn.shape != (whole.channels, whole.channels) or np.linalg.cond(turn) > 1e6:
+        return np.inf
+    beside, at = np.zeros((len(FREQUENCIES), *turn.shape), complex), 0
+    for part in parts:
+        end = at + part.loop.channels
+        beside[:, at:end, at:end] = part.loop.increments(FREQUENCIES)
+        at = end
+    return apart(turn @ beside @ np.linalg.inv(turn), whole.increments(FREQUENCIES))
+
+
+def _placed(part: LoopPart, channel: int) -> np.ndarray:
+    """The turn of one channel in the columns of all signals of the part."""
+    found = np.zeros((len(part.turns[channel]), part.loop.channels))
+    found[:, [k for k, c in enumerate(part.owner) if c == channel]] = part.turns[channel]
+    return found
+
+
+def _axes(loop: SampledLoop, channels: list[np.ndarray]) -> np.ndarray | None:
+    """A turn (signals, signals) that may take the loop apart; None where channels differ in size, or it is complex."""
+    size = len(channels[0])
+    if size == 1 or any(len(places) != size for places in channels):
+        return None
+    real = [_real(loop, z) for z in _LOOKED]
+    around = real[0][np.ix_(channels[0], channels[0])]
+    for k in range(len(channels)):  # once round all channels, each crossing at its own z
+        nxt = channels[(k + 1) % len(channels)]
+        crossing = real[k % len(real)][np.ix_(nxt, channels[k])]
+        around = crossing if k == 0 else crossing @ around
+    values, vectors = np.linalg.eig(around)
+    if np.abs(np.imag(values)).max() > 1e-9 * np.abs(values).max():
+        return None
+    whole, turn = np.zeros((loop.channels, loop.channels)), np.real(vectors)
+    for k, places in enumerate(channels):
+        whole[np.ix_(places, places)] = turn / np.linalg.norm(turn, axis=0)
+        nxt = channels[(k + 1) % len(channels)]
+        turn = real[0][np.ix_(nxt, places)] @ turn
+        if not np.all(np.linalg.norm(turn, axis=0) > 0.0):
+            return None
+    return whole
+
+
+def _real(loop: SampledLoop, z: float) -> np.ndarray:
+    inner = np.linalg.solve(z * np.eye(len(loop.transition)) - loop.transition, loop.drive)
+    return loop.moved @ inner + loop.moved_now
+
+
+def _part(loop: SampledLoop, turn: np.ndarray, channels: list[np.ndarray], axis: int) -> LoopPart:
+    columns = [int(places[axis]) for places in channels]
+    back = np.linalg.inv(turn)[columns]
+    now = back @ loop.moved_now @ turn[:, columns]
+    small = balanced(SampledLoop(loop.transition, loop.drive @ turn[:, columns], back @ loop.moved, now, loop.step))
+    return LoopPart(small, [turn[np.ix_(places, [places[axis]])] for places in channels])
+
+
+def _slowness(loop: SampledLoop) -> float:
+    """Of its slowest mode without delay; the loop that a delay destroys first is mostly a slow one."""
+    return float(np.abs(np.linalg.eigvals(loop.transition)).max())

@@ -11,6 +11,7 @@ from cosim.analysis.coupling import Coupled, coupled
 from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.evidence import GROWS, UNSTABLE, StabilityEvidence, strongest
 from cosim.analysis.examination import examine
+from cosim.analysis.falsification import Falsification
 from cosim.analysis.linear_fmu import LinearFmu
 from cosim.analysis.linearisation import LinearLoop, linear_loop
 from cosim.analysis.margin import Margins, margins
@@ -76,6 +77,7 @@ class Comparison:
     parts: Mapping[str, LinearFmu] = field(factory=dict, repr=False)
     stepped: Stepped | None = field(default=None, repr=False)
     any_delay: AnyDelay | None = field(default=None, repr=False)
+    falsification: Falsification | None = field(default=None, repr=False)
 
     @property
     def evidence(self) -> StabilityEvidence:
@@ -96,7 +98,9 @@ class Comparison:
             )
             if holds
         ]
-        grown = [name for name, grows in (("the simulation", self.judged.outcome in UNSTABLE),) if grows]
+        worst = self.falsification is not None and self.falsification.grows
+        seen = (("the simulation", self.judged.outcome in UNSTABLE), ("the worst run that was found", worst))
+        grown = [name for name, grows in seen if grows]
         if t.constant and t.abscissa is not None and t.abscissa > GROWS:
             grown.append("the spectrum")
         if not given or not grown:

@@ -36,6 +36,7 @@ def document(found: Comparison) -> dict[str, object]:
             "advice": found.judged.outcome.advice,
         },
         "any_delay": None if found.any_delay is None else found.any_delay.to_dict(),
+        "falsification": None if found.falsification is None else found.falsification.to_dict(),
         "withheld": dict(t.withheld),
         "assumptions": [{"what": a.what, "holds": a.holds, "seen": a.seen} for a in t.coupled.assumptions],
         "linearised": {name: _part(found, name) for name in found.parts},

@@ -13,6 +13,7 @@ from cosim.analysis.certificate_file import save_certificate
 from cosim.analysis.comparison import Comparison, compare
 from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.document import document
+from cosim.analysis.falsification import Harm
 from cosim.analysis.linearisation import LinearLoop, at_pose
 from cosim.analysis.replay import write_trace
 from cosim.analysis.transparency import FREQUENCIES, Hybrid
@@ -22,7 +23,7 @@ from cosim.api.runs import load
 from cosim.engine.isolation import runner
 from cosim.engine.master import run as run_here
 from cosim.engine.reference import RunProgress
-from cosim.errors import InputError, RunError
+from cosim.errors import InputError, Problem, RunError
 from cosim.fmu import FmuSet, open_system
 from cosim.results.saving import save_files, write_json, write_text
 from cosim.scenario import Scenario, to_toml
@@ -36,13 +37,17 @@ def stability(
     *,
     pose: Sequence[float] | None = None,
     any_delay: bool = False,
+    falsify: int = 0,
+    harm: str = "growth",
     progress: Callable[[RunProgress], None] | None = None,
     say: Callable[[str], None] | None = None,
 ) -> StabilityResult:
     """Criteria, the exact spectrum, margins and a simulated growth rate of a scenario's loop.
 
     pose: joint angles (q1, q2, q3) [rad] of both arms (default: the scenario's start); any_delay: also the two-sided
-    verdict for every delay law, which takes minutes; progress: see `cosim.run`; say: is told what is being done.
+    verdict for every delay law, which takes minutes; falsify: runs in which the worst delays, hand and losses within
+    the scenario's bounds are sought, by their `harm`: "growth", "error" or "force"; progress: see `cosim.run`; say: is
+    told what is being done.
     Raises InputError where the scenario does not fit its FMUs, RunError where an FMU fails.
     """
     chosen = at_pose(scenario if isinstance(scenario, Scenario) else load(scenario), pose)
@@ -53,6 +58,11 @@ def stability(
 
             said = verdict(chosen, system, found.max_delay, say or (lambda text: None), progress)
             found = evolve(found, any_delay=said)
+        if falsify:
+            from cosim.analysis.falsification import falsify as search
+
+            worst = search(chosen, system, falsify, _kind(harm), say or (lambda text: None))
+            found = evolve(found, falsification=worst)
         return StabilityResult(found, loop, _felt(chosen, system))
 
 
@@ -64,6 +74,12 @@ def _felt(scenario: Scenario, system: FmuSet) -> Hybrid | None:
         return hybrid_matrix(scenario, system)
     except (InputError, RunError, np.linalg.LinAlgError):
         return None
+
+
+def _kind(harm: str) -> Harm:
+    if harm not in {kind.value for kind in Harm}:
+        raise InputError(Problem("harm", "growth, error or force", repr(harm)))
+    return Harm(harm)
 
 
 def transparency(scenario: Scenario | str | Path, frequencies: Sequence[float] = FREQUENCIES) -> Hybrid:
@@ -109,19 +125,23 @@ class StabilityResult:
         return drawn(loop_figure(self.comparison, self.loop))
 
     def save(self, folder: str | Path, *, report: bool = True) -> Path:
-        """Write report.html and stability.json, and what there is of certificate.json, destroying.csv (a period of the
-        delay law) and destroying.toml (the scenario that plays it); returns the folder.
+        """Write report.html and stability.json, and what there is of certificate.json, destroying.csv (a period of
+        the delay law), destroying.toml (the scenario that plays it) and worst.toml; returns the folder.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page} if report else {}
         files |= self._two_sided() | {"stability.json": lambda path: write_json(self.to_dict(), path)}
-        save_files(folder, files, ["report.html", "certificate.json", "destroying.csv", "destroying.toml"])
+        save_files(
+            folder, files, ["report.html", "certificate.json", "destroying.csv", "destroying.toml", "worst.toml"]
+        )
         return folder
 
     def _two_sided(self) -> dict[str, Callable[[Path], object]]:
         found = self.comparison.any_delay
         files: dict[str, Callable[[Path], object]] = {}
+        if worst := self.comparison.falsification:
+            files["worst.toml"] = lambda path: write_text(to_toml(worst.scenario), path)
         if found is None or found.system is None:
             return files
         system, destroyer, replay = found.system, found.destroyer, found.replay
@@ -173,6 +193,10 @@ def _rows(found: Comparison) -> list[tuple[str, str]]:
     if "spectrum" in t.withheld:
         rows += [("spectrum", f"not given: {t.withheld['spectrum']}")]
     rows += _any_delay_rows(found.any_delay) if found.any_delay else []
+    if worst := found.falsification:
+        said = worst.to_dict()
+        reached = worst.outcome.value if said["worst"] is None else f"{said['worst']:+.4g} {worst.harm.unit}"
+        rows += [(f"worst {worst.harm.value} of {worst.runs} runs", f"{reached}, {worst.before:+.4g} as it stands")]
     rate = "" if judged.growth_rate is None else f", {judged.growth_rate:+.5g} 1/s"
     return [*rows, ("simulation", f"{judged.outcome.value}{rate}"), ("evidence", found.evidence.value)]
 

@@ -21,6 +21,10 @@ def command(
         bool,
         typer.Option("--any-delay", help="also: proven for every delay law up to T, and a law that destroys (minutes)"),
     ] = False,
+    falsify: Annotated[
+        int, typer.Option(metavar="N", min=0, help="search the worst delays, hand and losses within bounds in N runs")
+    ] = 0,
+    harm: Annotated[str, typer.Option(help="what --falsify makes large: growth, error or force")] = "growth",
     out: Annotated[
         Path | None, typer.Option(help="folder for the results (default: results/SCENARIO-stability)")
     ] = None,
@@ -30,7 +34,8 @@ def command(
 ) -> None:
     """Criteria, exact spectrum, margins and twin simulation side by side: stability.json, report.html.
 
-    With --any-delay also certificate.json (check it with `cosim verify`), destroying.csv and destroying.toml.
+    With --any-delay also certificate.json (check it with `cosim verify`), destroying.csv and
+    destroying.toml; with --falsify worst.toml, a scenario.
     """
     import cosim
     from cosim.cli.folder import made, named
@@ -39,7 +44,9 @@ def command(
     chosen, angles = prepare(scenario, set_ or [], effects, allow_outside).scenario, _pose(pose)
     folder = made(out or named(f"{chosen.name}-stability"))
     with RunMeter(chosen.name) as progress:
-        found = cosim.stability(chosen, pose=angles, any_delay=any_delay, progress=progress, say=say)
+        found = cosim.stability(
+            chosen, pose=angles, any_delay=any_delay, falsify=falsify, harm=harm, progress=progress, say=say
+        )
     found.save(folder, report=report)
     print(f"{found}\nwritten to {folder}")
     if found.failure is not None:

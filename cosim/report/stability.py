@@ -3,6 +3,7 @@
 import numpy as np
 
 from cosim.analysis.comparison import Comparison
+from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.document import notes
 from cosim.analysis.evidence import StabilityEvidence
 from cosim.analysis.linearisation import LinearLoop
@@ -18,7 +19,8 @@ from cosim.results.provenance import command_line, provenance
 def stability_report(found: Comparison, loop: LinearLoop, felt: Hybrid | None = None) -> Report:
     """The report of one comparison, with what the hand feels where that is known."""
     unstable = found.evidence is StabilityEvidence.FALSIFIED
-    sections = [_conditions(found), *_linear(found, loop), *([] if felt is None else [_felt(felt)]), _read(found)]
+    hand = [] if felt is None else [_felt(felt)]
+    sections = [_conditions(found), *_any_delay(found), *_linear(found, loop), *hand, _read(found)]
     facts = provenance(found.judged.result) | {"command": command_line()}
     return Report(
         f"Stability of {found.judged.result.scenario.name}",
@@ -101,6 +103,46 @@ def _conditions(found: Comparison) -> Section:
         f"At q = ({pose}) rad, {delays}.",
         [Table(["condition", "says", "largest delay each way [s]", "what that covers"], rows)],
     )
+
+
+def _any_delay(found: Comparison) -> list[Section]:
+    """What holds for every delay law, and the law that destroys: its trace, and how a disturbance grows under it."""
+    both = found.any_delay
+    if both is None:
+        return []
+    words = []
+    if both.certified:
+        words.append(
+            f"Proven: whatever the delays do between 0 and {both.certified:.4g} s each way, however fast, small motion "
+            "about the pose dies out. `cosim verify certificate.json` checks the proof without optimising."
+        )
+    if both.destroyed_at and both.replay and both.replay.growth_rate is not None:
+        words.append(
+            f"A delay that stays below {both.destroyed_at:.4g} s makes the FMUs grow at "
+            f"{both.replay.growth_rate:+.4g} 1/s (destroying.csv; destroying.toml plays it)."
+        )
+    if both.gap_percent is not None:
+        words.append(f"The two are {both.gap_percent:.2g} % apart; between them nobody knows.")
+    words += [f"No {name}: {why}." for name, why in both.withheld.items()]
+    figures = []
+    if both.destroyer is not None and both.replay is not None:
+        figures = [law_figure(both)]
+    return [Section("Any delay law", "\n\n".join(words), figures=figures)]
+
+
+def law_figure(both: AnyDelay) -> Figure:
+    """The delay trace that destroys over three periods, and the size of a disturbance from period to period."""
+    assert both.destroyer is not None and both.replay is not None and both.system is not None
+    ages, step = np.tile(both.destroyer.ages, 3), both.system.step
+    time = step * np.arange(ages.shape[1])
+    laws = [Series(n, time, step * row, COLOURS[k]) for k, (n, row) in enumerate(zip(both.system.channels, ages))]
+    seen, size = both.replay.sizes.T
+    grown = Series("difference of twin runs", seen, size, Colour.RED)
+    plots = [
+        Plot(laws, PlotAxis("time [s]"), PlotAxis("delay [s]"), "Delay law, three periods", height=260),
+        Plot([grown], PlotAxis("time [s]"), PlotAxis("joint rates [rad/s]", log=True), "A disturbance", height=260),
+    ]
+    return Figure(plots, "The delay law that destroys, and a disturbance under it in the FMUs.", columns=2, name="law")
 
 
 def _says(holds: bool) -> str:

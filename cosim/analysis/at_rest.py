@@ -11,7 +11,7 @@ from cosim.analysis.linear_fmu import is_channel
 from cosim.analysis.verdict import perturbation
 from cosim.engine.master import System, run
 from cosim.errors import RunError
-from cosim.scenario import Scenario, with_parameters
+from cosim.scenario import Scenario
 from cosim.signals import stem
 from cosim.wiring import Wiring
 
@@ -36,7 +36,7 @@ def at_rest(wiring: Wiring) -> Scenario:
         for variable in description.variables.values() if excites else ():
             if variable.causality == "parameter" and stem(variable.name).endswith("amplitude"):
                 values[f"{name}.{variable.name}"] = 0.0
-    return with_parameters(wiring.scenario, values)
+    return wiring.scenario.with_values(values)
 
 
 def bent(rest: Scenario, system: System) -> str:
@@ -50,7 +50,7 @@ def bent(rest: Scenario, system: System) -> str:
     short = rest.with_values({"experiment.stop": stop, "experiment.record_every": 1})
     try:
         base = _motion(short, system)
-        small, large = (_motion(with_parameters(short, perturbation(arms, v)), system) for v in SPEEDS)
+        small, large = (_motion(short.with_values(perturbation(arms, v)), system) for v in SPEEDS)
     except RunError as error:
         return f"how it moves could not be looked at ({error})"
     for name, still in base.items():

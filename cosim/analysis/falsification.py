@@ -20,7 +20,7 @@ from cosim.engine.outcome import Outcome
 from cosim.errors import InputError, Problem, RunError
 from cosim.fmu import FmuSet
 from cosim.results.summary import Judged, number
-from cosim.scenario import Scenario, with_parameters
+from cosim.scenario import Scenario
 from cosim.signals import stem
 from cosim.wiring import Wiring
 
@@ -117,7 +117,7 @@ def falsify(
 
 
 def _named(scenario: Scenario, changes: Mapping[str, object], name: str) -> Scenario:
-    return evolve(with_parameters(scenario, changes), name=name, title=f"The worst that was found of {scenario.name}")
+    return evolve(scenario.with_values(changes), name=name, title=f"The worst that was found of {scenario.name}")
 
 
 @define
@@ -182,7 +182,7 @@ class _Search:
 
     def measured(self, changes: dict[str, object]) -> float:
         """The harm of a run with changes; remembered where it is the greatest."""
-        scenario = with_parameters(self.scenario, changes)
+        scenario = self.scenario.with_values(changes)
         wiring = self.system.wiring(scenario)
         record = [*verdict_signals(wiring), *_forces(wiring)] if self.harm is Harm.FORCE else verdict_signals(wiring)
         try:

@@ -15,7 +15,7 @@ from cosim.engine.reference import RunProgress
 from cosim.errors import RunError
 from cosim.fmu import FmuSet, open_system
 from cosim.results.saving import write_text
-from cosim.scenario import Algorithm, Component, Connection, Extrapolation, Scenario, with_parameters
+from cosim.scenario import Algorithm, Component, Connection, Extrapolation, Scenario
 from cosim.signals import Signal, stem
 from cosim.wiring import Wiring
 
@@ -75,7 +75,7 @@ def replaying(wiring: Wiring, ages: np.ndarray, channels: Mapping[str, object], 
     played = {Signal(COMPONENT, f"y[{k + 1}]"): name for k, name in enumerate(channels)}
     links = [c for c in rest.connections if not _sets_delay(c, channels)]
     links += [Connection(source, Signal(name, "delay")) for source, name in played.items()]
-    changed = with_parameters(rest, values)
+    changed = rest.with_values(values)
     order = changed.experiment.order
     experiment = evolve(changed.experiment, order=(COMPONENT, *order) if order else ())
     return evolve(

@@ -18,6 +18,7 @@ from cosim.exports.container import write_container
 from cosim.exports.export import export
 from cosim.exports.structure import write_ssp
 from cosim.scenario import load_scenario, load_text, to_toml
+from tests.support import ssp
 from tests.support.needs import lacking, require
 from tests.support.paths import ROOT
 
@@ -92,6 +93,28 @@ def test_libcosim_gives_our_trajectories(archive, ours, tmp_path):
         rows = np.round(np.array(times[:]) / (STEP * 1e9)).astype(int)
         assert len(rows) >= 19990
         np.testing.assert_allclose(np.array(values[:]), ours.signals[name][rows], rtol=0, atol=TIME_OF_OTHERS)
+
+
+@pytest.mark.needs("libcosim")
+def test_libcosim_transforms_what_a_connection_carries_as_we_do(tmp_path):
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+
+    log_output_level(CosimLogLevel.ERROR)
+    change = '<ssc:LinearTransformation factor="1.3" offset="50"/>'
+    text = ssp.structure(ssp.component("a") + ssp.component("b"), ssp.connection("a.x", "b.u", change))
+    system = ssp.archive(tmp_path / "a.ssp", text)
+    zipfile.ZipFile(system).extractall(tmp_path / "a")
+    execution = CosimExecution.from_ssp_file(str(tmp_path / "a"), step_size=1_000_000)
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    execution.simulate_until(1_000_000_000)
+    index = execution.slave_index_from_instance_name("b")
+    reference = {v.name.decode(): v.reference for v in execution.slave_variables(index)}["y"]
+    (theirs,) = observer.last_real_values(index, [reference])
+    ours = run(load_scenario(system)).signals["b.y"][-1]
+    assert ours == pytest.approx(1.3 * 0.999 + 50.0, rel=1e-12) and ours == pytest.approx(theirs, rel=1e-12)
 
 
 @pytest.mark.needs("ecos")

@@ -37,7 +37,6 @@ TEXTS = [
     "x" * 5000,
     "-0",
 ]
-_SHORT = "\nexperiment.stop = 0.05\n"
 
 
 @frozen
@@ -110,6 +109,12 @@ class FuzzInputs:
             "result": self._result,
             "bytes": self._damaged,
         }
+
+    def write_whole(self, folder: Path) -> None:
+        """A scenario s.toml, a sweep w.toml, a recording d.csv and its description, as they should be."""
+        texts = {"s.toml": self.scenario, "w.toml": self.sweep, "d.toml": self.description}
+        for name, text in {**texts, "d.csv": self._written(self.table)}.items():
+            (folder / name).write_text(text)
 
     def made(self, seed: int) -> FuzzInput:
         """The input of that number."""

@@ -72,8 +72,10 @@ def _values(
     holders = tree.holders(path, parameter.name)
     if not holders:
         whose = ".".join(path) or "the top system"
-        advice = did_you_mean(parameter.name, tree.known(path))
-        text = f"{parameter.name!r} of {whose} is no variable there and has no effect"
+        known = tree.known(path)
+        wrong = "is a connector that leads to no variable" if parameter.name in known else "is no variable there"
+        advice = "" if parameter.name in known else did_you_mean(parameter.name, known)
+        text = f"{parameter.name!r} of {whose} {wrong} and has no effect"
         findings.tell(parameter.element, f"{text}; {advice}" if advice else text)
     for holder, name in holders:
         face = tree.components[holder].face

@@ -133,6 +133,13 @@ def test_nested_systems_are_flattened(tmp_path):
     assert result.signals["last.y"][-1] == pytest.approx(2.0 - 2 * 0.002, abs=1e-9)
 
 
+def test_a_value_for_a_connector_that_leads_nowhere_is_told_as_that(tmp_path):
+    before = f"<ssd:Connectors>{CONNECTOR.format('free', 'input')}</ssd:Connectors>" + binding(parameter("free", 1.0))
+    made = load_scenario(archive(tmp_path / "a.ssp", structure(component("a"), before=before)))
+    told = "'free' of the top system is a connector that leads to no variable and has no effect"
+    assert any(note.endswith(told) for note in made.warnings)
+
+
 def test_an_empty_element_is_the_system_itself(tmp_path):
     """As OMSimulator writes the ends of connections at a system's own connectors."""
     before = f"<ssd:Connectors>{CONNECTOR.format('out', 'output')}</ssd:Connectors>"

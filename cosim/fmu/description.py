@@ -34,9 +34,9 @@ def _structural(description: FmuDescription, parameters: Mapping[str, object]) -
     """Whole numbers given for structural parameters; what does not fit is told when start values are checked."""
     known = description.variables
     return tuple(
-        (name, value)
+        (name, int(value))
         for name, value in parameters.items()
-        if isinstance(value, int) and 0 <= value <= _LARGEST and name in known
+        if isinstance(value, (int, float)) and value >= 0 and value == value // 1 and name in known
         if known[name].causality == "structuralParameter" and value != known[name].start
     )
 
@@ -107,6 +107,8 @@ def model_of(path: str) -> Any:
 
     try:
         model = fmpy.read_model_description(path, validate=False)
+    except KeyError as error:
+        raise InputError(Problem(path, "an FMU", f"one that refers to {error}, which it does not define")) from None
     except Exception as error:  # noqa: BLE001 - fmpy raises bare exceptions for whatever it meets in a file
         raise InputError(Problem(path, "an FMU", str(error) or type(error).__name__)) from None
     if problems := faults(path, model):

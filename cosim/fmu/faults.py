@@ -36,7 +36,8 @@ def _of_variable(v: Any, where: str) -> Iterator[Problem]:
     if v.type == "Boolean":
         fits, words = (lambda text: text.strip().lower() in _TRUTHS), "true or false"
     elif v.type in WHOLE:
-        fits, words = (lambda text: _is(int, text)), "a whole number"
+        low, high = WHOLE[v.type]
+        fits, words = (lambda text: _is(int, text) and low <= int(text) <= high), f"a whole number of type {v.type}"
     elif v.type in REALS:
         fits, words = (lambda text: _is(float, text)), "a number"
     else:
@@ -49,6 +50,8 @@ def _of_variable(v: Any, where: str) -> Iterator[Problem]:
     for dimension in v.dimensions or ():
         if dimension.start is not None and not (_is(int, str(dimension.start)) and int(dimension.start) >= 0):
             yield Problem(where, "a size of its dimension", repr(dimension.start))
+        if dimension.start is not None and dimension.valueReference is not None:
+            yield Problem(where, "a size or a reference to one as its dimension", "both")
 
 
 def _texts(v: Any, key: str) -> list[str]:

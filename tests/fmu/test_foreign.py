@@ -14,7 +14,7 @@ from cosim.errors import InputError, RunError
 from cosim.fmu import describe
 from cosim.results.files import export_csv, export_mat, read_h5, write_h5
 from cosim.scenario import load_text, to_toml
-from tests.support.foreign import U, X, fmi2, fmi3, packed
+from tests.support.foreign import ARRAYS, U, X, fmi2, fmi3, packed
 
 ENUM = (
     '<TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="slow" value="10"/><Item name="fast" value="20"/>'
@@ -149,7 +149,11 @@ def test_a_number_too_large_for_the_input_ends_the_run_by_name(tmp_path):
     [
         ([X, ("x", 1, "input", "Real", {"start": 0})], "", "x: expected one variable of this name, got 2"),
         ([X, ("", 1, "input", "Real", {"start": 0})], "", "expected a name for every variable, got an empty one"),
-        ([("n", 0, "parameter", "Integer", {"start": "1.5"})], "", "n: expected start to be a whole number, got '1.5'"),
+        (
+            [("n", 0, "parameter", "Integer", {"start": "1.5"})],
+            "",
+            "n: expected start to be a whole number of type Integer, got '1.5'",
+        ),
         ([("b", 0, "parameter", "Boolean", {"start": "yes"})], "", "b: expected start to be true or false, got 'yes'"),
         ([("u", 0, "input", "Real", {"start": 1, "max": "1,5"})], "", "u: expected max to be a number, got '1,5'"),
         (
@@ -224,6 +228,31 @@ def test_start_values_of_another_size_are_not_taken_for_those_of_the_chosen_one(
     assert [v.start for v in describe(file, {"n": 2}).variables.values() if v.name.startswith("A[")] == [None] * 4
     told = refusal(scenario(tmp_path, {"a": (file, {"n": 2, "A[1,1]": 5.0})}))
     assert "expected values for all elements, got none for A[1,2], A[2,1], A[2,2]" in told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('start="3"/>', 'start="-3"/>', "n: expected start to be a whole number of type UInt64, got '-3'"),
+        (
+            '<Dimension valueReference="9"/>',
+            '<Dimension start="2" valueReference="9"/>',
+            "A: expected a size or a refer",
+        ),
+        ('<Dimension valueReference="9"/>', '<Dimension start="-1"/>', "A: expected a size of its dimension, got -1"),
+        ('<Dimension valueReference="9"/>', '<Dimension valueReference="99"/>', "one that refers to 99"),
+    ],
+)
+def test_sizes_that_are_none_are_refused(tmp_path, old, new, told):
+    file = fmi3(tmp_path / "a.fmu", ARRAYS.replace(old, new, 1))
+    assert told in refusal(scenario(tmp_path, {"a": (file, {})}))
+
+
+def test_a_size_is_the_same_however_its_number_is_written_and_not_beyond_what_fits(tmp_path):
+    file = fmi3(tmp_path / "a.fmu")
+    assert len(describe(file, {"n": 2.0}).elements("A")) == 4
+    told = refusal(scenario(tmp_path, {"a": (file, {"n": 100_000_000})}))
+    assert "at most 200000 elements of arrays" in told
 
 
 # --- settings, messages, libraries ------------------------------------------------------------------------------------

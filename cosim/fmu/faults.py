@@ -1,5 +1,6 @@
 """What is wrong in a model description before anything is made of it: names, numbers, sizes, items."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
@@ -23,6 +24,7 @@ def faults(path: str, model: Any) -> list[Problem]:
         found += _of_variable(variable, f"{where}: {variable.name}")
     for kind in {id(v.declaredType): v.declaredType for v in model.modelVariables if v.declaredType}.values():
         found += _of_items(kind, f"{where}: type {kind.name}")
+    found += _of_units(model, where)
     experiment = model.defaultExperiment
     texts = {key: getattr(experiment, key, None) for key in _EXPERIMENT} if experiment else {}
     return found + [
@@ -30,6 +32,17 @@ def faults(path: str, model: Any) -> list[Problem]:
         for key, text in texts.items()
         if text and not _is(float, str(text))
     ]
+
+
+def _of_units(model: Any, where: str) -> Iterator[Problem]:
+    for name, count in Counter(unit.name for unit in model.unitDefinitions).items():
+        if count > 1:
+            yield Problem(f"{where}: unit {name}", "one definition", str(count))
+    for unit in model.unitDefinitions:
+        base = unit.baseUnit
+        if base is not None and not (base.factor and math.isfinite(base.factor) and math.isfinite(base.offset)):
+            got = f"factor {base.factor}, offset {base.offset}"
+            yield Problem(f"{where}: unit {unit.name}", "a finite factor other than 0 and a finite offset", got)
 
 
 def _of_variable(v: Any, where: str) -> Iterator[Problem]:

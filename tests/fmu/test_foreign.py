@@ -172,6 +172,18 @@ def test_descriptions_that_mean_nothing_are_refused(tmp_path, variables, types, 
     assert told in refusal(scenario(tmp_path, {"a": (fmi2(tmp_path / "a.fmu", variables, types=types), {})}))
 
 
+@pytest.mark.parametrize(
+    ("units", "told"),
+    [
+        ('<Unit name="m"><BaseUnit m="1" factor="0"/></Unit>', "unit m: expected a finite factor other than 0"),
+        ('<Unit name="m"><BaseUnit m="1" offset="NaN"/></Unit>', "unit m: expected a finite factor other than 0"),
+        ('<Unit name="m"><BaseUnit m="1"/></Unit><Unit name="m"><BaseUnit m="2"/></Unit>', "unit m: expected one defi"),
+    ],
+)
+def test_units_that_mean_nothing_are_refused(tmp_path, units, told):
+    assert told in refusal(scenario(tmp_path, {"a": (fmi2(tmp_path / "a.fmu", units=units), {})}))
+
+
 def test_items_with_gaps_and_signs(tmp_path):
     """Values -5, 0 and 2^31 - 1 reach the FMU and come back."""
     types = ENUM.replace('value="10"', 'value="-5"').replace('value="20"', f'value="{2**31 - 1}"')

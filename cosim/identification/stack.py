@@ -13,6 +13,8 @@ from cosim.measured.filtering import FilteredMotion, motion, widened
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
+BLOCK = 1 << 16  # rows whose columns are held at once
+
 
 @frozen(eq=False)
 class Stack:
@@ -87,7 +89,6 @@ def _motion(recording: Recording, run: Run, method: Method) -> FilteredMotion:
 
 
 def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.ndarray, number: int) -> Stack:
-    columns = model.columns(moved, method.low_pass, method.reversals.smoothing)
     n, step = len(moved.time), moved.step
     head, tail = (
         min(sum(rows), n // 8) for rows in zip(method.low_pass.settle(step), method.before.settle(step), strict=True)
@@ -96,24 +97,48 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
     settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
     whole = _whole(moved.run, method, (before, after))
     keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None] & whole
-    columns = _with_tail(columns, model.device, moved, method, speed)
-    pick = slice(None, None, method.low_pass.decimation(step))
+    every = method.low_pass.decimation(step)
+    pick = slice(None, None, every)
+    columns, rate = _in_blocks(model, moved, method, speed, every)
     return Stack(
-        y=columns.y[pick],
-        tau=columns.tau[pick],
-        tau_rate=method.low_pass.rate(moved.tau, step)[pick],
+        y=columns.y,
+        tau=columns.tau,
+        tau_rate=rate,
         keep=keep[pick],
         settled=settled[pick],
         whole=whole[pick],
         test=moved.run.test[pick],
-        run=np.full(len(columns.tau[pick]), number),
+        run=np.full(len(columns.tau), number),
         time=moved.time[pick],
         q=moved.q[pick],
         dq=moved.dq[pick],
-        step=step * (pick.step or 1),
+        step=step * every,
         labels=columns.labels,
         units=columns.units,
     )
+
+
+def _in_blocks(
+    model: LinearModel, moved: FilteredMotion, method: Method, speed: np.ndarray, every: int
+) -> tuple[RegressorColumns, np.ndarray]:
+    """The model's columns, and the rate of tau (m, nj), at every `every`-th row.
+
+    Columns at all rows of a long recording would need gigabytes: they are formed for BLOCK rows at a time, with the
+    rows beside them that the filter sees.
+    """
+    before, after = method.low_pass.memory(moved.step)
+    blocks, rates = [], []
+    for start in range(0, len(moved.time), BLOCK // every * every):
+        stop = min(start + BLOCK // every * every, len(moved.time))
+        first = max(start - before, 0)
+        part = moved.part(slice(first, stop + after))
+        columns = model.columns(part, method.low_pass, method.reversals.smoothing)
+        columns = _with_tail(columns, model.device, part, method, speed)
+        own = slice(start - first, stop - first, every)
+        blocks.append(evolve(columns, y=columns.y[own].copy(), tau=columns.tau[own].copy()))
+        rates.append(method.low_pass.rate(part.tau, moved.step)[own].copy())
+    y, tau = np.concatenate([b.y for b in blocks]), np.concatenate([b.tau for b in blocks])
+    return evolve(blocks[0], y=y, tau=tau), np.concatenate(rates)
 
 
 def _whole(run: Run, method: Method, reach: tuple[int, int]) -> np.ndarray:

@@ -135,14 +135,11 @@ class PhantomDevice(Device):
         return []
 
 
-@final
 @frozen
-class AxisDevice(Device):
-    """One joint: inertia, friction, offset; a pendulum also has gravity, a sin q + b cos q."""
+class OneJoint(Device):
+    """A device with one joint, whose parameters need no number. `joint`: its name in words."""
 
-    word: ClassVar[str] = "axis"
     joint: str = ""
-    pendulum: bool = False
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -150,6 +147,15 @@ class AxisDevice(Device):
 
     def label(self, name: str, joint: int) -> Label:
         return Label(name)
+
+
+@final
+@frozen
+class AxisDevice(OneJoint):
+    """One joint: inertia, friction, offset; a pendulum also has gravity, a sin q + b cos q."""
+
+    word: ClassVar[str] = "axis"
+    pendulum: bool = False
 
     @classmethod
     def read(cls, fields: FieldReader) -> "AxisDevice":
@@ -158,19 +164,11 @@ class AxisDevice(Device):
 
 @final
 @frozen
-class RegressorDevice(Device):
+class RegressorDevice(OneJoint):
     """One joint with recorded inertial and gravity columns, tau = y params + friction, or a recorded rigid torque."""
 
     word: ClassVar[str] = "regressor"
     recorded_columns: ClassVar[bool] = True
-    joint: str = ""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        return (self.joint or "joint",)
-
-    def label(self, name: str, joint: int) -> Label:
-        return Label(name)
 
     @classmethod
     def read(cls, fields: FieldReader) -> "RegressorDevice":

@@ -34,6 +34,12 @@ class LowPass(ABC):
         """Number of rows before and after a jump over which the filter spreads it."""
 
     @abstractmethod
+    def memory(self, step: float) -> tuple[int, int]:
+        """Number of rows before and after one on which its filtered value, and that of its rate, depends: all others
+        change it by less than rounding does.
+        """
+
+    @abstractmethod
     def decimation(self, step: float) -> int:
         """The factor by which the filtered signal may be decimated without aliasing."""
 
@@ -65,6 +71,9 @@ class FirstOrder(LowPass):
 
     def spread(self, step: float) -> tuple[int, int]:
         return 0, int(np.ceil(5 / (self.omega * step)))
+
+    def memory(self, step: float) -> tuple[int, int]:
+        return int(np.ceil(40 / (self.omega * step))), 0  # exp(-40) is below rounding
 
     def decimation(self, step: float) -> int:
         return max(int(0.2 / (self.omega * step)), 1)
@@ -98,6 +107,10 @@ class ZeroPhase(LowPass):
 
     def spread(self, step: float) -> tuple[int, int]:
         rows = int(np.ceil(0.6 / (self.cutoff * step)))
+        return rows, rows
+
+    def memory(self, step: float) -> tuple[int, int]:
+        rows = int(np.ceil(20 / (self.cutoff * step)))  # its slowest pole falls by exp(-2.4) in 1 / cutoff
         return rows, rows
 
     def decimation(self, step: float) -> int:
@@ -145,6 +158,9 @@ class Window(LowPass):
     def spread(self, step: float) -> tuple[int, int]:
         return self.half(step) + 3, self.half(step) + 3
 
+    def memory(self, step: float) -> tuple[int, int]:
+        return self.spread(step)
+
     def decimation(self, step: float) -> int:
         return max(int(0.2 / (self.cutoff * step)), 1)
 
@@ -187,6 +203,10 @@ class FilteredMotion:
     def step(self) -> float:
         """Sampling period [s]."""
         return self.run.step
+
+    def part(self, rows: slice) -> "FilteredMotion":
+        """Some rows in succession, without copies."""
+        return FilteredMotion(self.run.part(rows), self.q[rows], self.dq[rows], self.tau[rows], self.velocity)
 
 
 def differentiated(run: Run, low_pass: LowPass) -> FilteredMotion:

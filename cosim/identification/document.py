@@ -41,7 +41,7 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
                 "rms_percent": {"train": paper.rms_train, "held_out": paper.rms_held_out},
             },
             "idim_ls": _idim(idim),
-            "doubts": [doubt.to_dict() for doubt in found.recording.doubts],
+            "doubts": [doubt.to_dict() for doubt in found.doubts],
             "warnings": list(found.warnings),
             "versions": {"cosim": version("haptic-cosim")},
         }
@@ -73,6 +73,7 @@ def _parameters(found: Identification) -> list[dict[str, Any]]:
             "std_white": p.std_white,
             "interval": list(p.interval),
             "unit": p.unit,
+            "withheld": list(p.withheld),
         }
         for p in found.parameters
     ]

@@ -3,23 +3,28 @@
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.errors import InputError, Problem
-from cosim.identification.estimate import ParameterEstimate, estimate
-from cosim.identification.identifiability import Identifiability, identifiability
-from cosim.identification.intervals import Spread, spread
+from cosim.errors import InputError
+from cosim.identification.doubted import Doubted, doubted
+from cosim.identification.estimate import estimate
+from cosim.identification.fit import Fit, fit
+from cosim.identification.identifiability import Identifiability
+from cosim.identification.intervals import Spread
 from cosim.identification.linear_model import FRICTION, LinearModel, linear_model
 from cosim.identification.method import Method, suggested, taati
-from cosim.identification.stack import Stack, coulomb_label, everything, stack, with_columns, without
+from cosim.identification.stack import Stack, everything, with_columns
 from cosim.measured.label import Label
+from cosim.measured.notes import Doubt
 from cosim.measured.recording import Recording
 
-LONGER = 0.7  # cutoff of a filter that leaves a sixth of the noise's variance in the acceleration
 STILL = 30.0  # encoder counts: a joint that moves less is taken as still
 
 
 @frozen
 class Parameter:
-    """value, std and 95 % interval with the residual's correlation counted, std_white as least squares gives it."""
+    """value, std and 95 % interval with the residual's correlation counted, std_white as least squares gives it.
+
+    withheld: kinds of doubts for which there is no interval (NaN).
+    """
 
     label: Label
     value: float
@@ -27,6 +32,7 @@ class Parameter:
     std_white: float
     interval: tuple[float, float]
     unit: str
+    withheld: tuple[str, ...] = ()
 
 
 @frozen(eq=False)
@@ -45,11 +51,12 @@ class Identification:
     identifiability: Identifiability
     positive_definite: bool
     warnings: tuple[str, ...] = field(default=())
+    doubts: tuple[Doubt, ...] = field(default=())
 
     @property
     def model(self) -> LinearModel:
         """The linear model of the recording's device."""
-        return _model(self.recording)
+        return linear_model(self.recording.device, self.recording.description)
 
     @property
     def predicted(self) -> np.ndarray:
@@ -62,85 +69,58 @@ class Identification:
         return self.stack.tau - self.predicted
 
 
-def _model(recording: Recording) -> LinearModel:
-    return linear_model(recording.device, recording.description)
-
-
 def identify(recording: Recording, method: Method | None = None) -> Identification:
     """Fit the device's linear model. Raises InputError where there is too little to fit."""
-    method = method or suggested(recording)
-    full = _with_plausible_tail(stack(recording, method), method, recording)
-    _enough(full, recording)
-    shown, base, fitted, widths = _fit(full, method, recording)
-    widths = _widened(widths, base, fitted, method, recording)
-    params = _spread_out(fitted.params, shown.base, full.y.shape[2])
-    definite, doubts = _physics(_model(recording), full.labels, params)
+    fitted, left = _narrowest(recording, method or suggested(recording))
+    full = fitted.stack
+    params = _spread_out(fitted.params, fitted.shown.base, full.y.shape[2])
+    definite, doubts = _physics(fitted.model, full.labels, params)
     found = Identification(
         recording,
-        method,
+        fitted.method,
         full,
         params,
-        _parameters(full, shown, fitted, widths),
+        _parameters(fitted, left),
         rms_percent(full, params, full.fit),
         rms_percent(full, params, full.held_out),
         rms_percent(full, params, everything(full).held_out),
-        widths,
-        shown,
+        fitted.spread,
+        fitted.shown,
         definite,
+        doubts=(*recording.doubts, *left.doubts),
     )
-    return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *_doubts(found)))
+    late = (doubt.text for doubt in left.doubts)
+    return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *late, *_doubts(found), *_withheld(found)))
 
 
-def _fit(full: Stack, method: Method, recording: Recording) -> tuple[Identifiability, Stack, ParameterEstimate, Spread]:
-    """Base parameters, their estimate and its spread."""
-    shown = identifiability(full)
-    base = with_columns(full, shown.base)
-    fitted = estimate(base, method, _model(recording))
-    return shown, base, fitted, spread(base, fitted)
+def _narrowest(recording: Recording, method: Method) -> tuple[Fit, Doubted]:
+    """The fit with the narrowest intervals, of those with the filters that the method tries."""
+    found, problem = [], None
+    for tried in method.tried():
+        try:
+            fitted = fit(recording, tried)
+        except InputError as error:
+            problem = problem or error
+            continue
+        left = doubted(fitted)
+        widths = zip(fitted.base.labels, left.half_width.tolist(), strict=True)
+        found.append((np.mean([np.log(width) for label, width in widths if label.name != "slow"]), fitted, left))
+    if not found and problem:
+        raise problem
+    _, fitted, left = min(found, key=lambda entry: entry[0])
+    return fitted, left
 
 
-def _widened(widths: Spread, base: Stack, fitted: ParameterEstimate, method: Method, recording: Recording) -> Spread:
-    """Intervals of a recording with clipped torques, wider by what a longer common filter changes.
-
-    The rows that are left are the slow ones. There the encoder's noise in the acceleration, whose variance falls with
-    the fifth power of the filter's length, makes inertias too small by more than the spread shows.
-    """
-    cutoff = getattr(method.low_pass, "cutoff", None)
-    if cutoff is None or all(run.clipped is None for run in recording.runs):
-        return widths
-    longer = stack(recording, evolve(method, low_pass=evolve(method.low_pass, cutoff=LONGER * cutoff)))
-    columns = [longer.labels.index(label) for label in base.labels]
-    if longer.fit.sum() < 3 * len(columns):
-        return widths
-    other = estimate(with_columns(longer, columns), method, _model(recording))
-    return evolve(widths, half_width=widths.half_width + np.abs(other.params - fitted.params))
-
-
-def _with_plausible_tail(full: Stack, method: Method, recording: Recording) -> Stack:
-    """Keep a `slow` column only where the data speak for it and it is that of a smoothed sign: Coulomb friction that
-    is smaller on the slowest rows, by less than half of it. Elsewhere the column would only widen the intervals.
-    """
-    tails = [label for label in full.labels if label.name == "slow"]
-    if not tails:
-        return full
-    _enough(full, recording)
-    _, base, fitted, widths = _fit(full, method, recording)
-    value = dict(zip(base.labels, fitted.params.tolist(), strict=True))
-    score = dict(zip(base.labels, (fitted.params / np.maximum(widths.std, 1e-300)).tolist(), strict=True))
-    doubtful = [
-        tail
-        for tail in tails
-        if tail not in value or score[tail] > -1 or -value[tail] > 0.5 * abs(value.get(coulomb_label(tail), 0.0))
+def _withheld(found: Identification) -> list[str]:
+    """Which parameters have no interval, and why."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for p in found.parameters:
+        if p.withheld:
+            names.setdefault(p.withheld, []).append(str(p.label))
+    return [
+        f"no interval for {', '.join(labels)}: a doubt about the recording ({', '.join(kinds)}) that could not be mended"
+        for kinds, labels in names.items()
     ]
-    kept = without(full, tuple(doubtful))
-    notes = [
-        f"{tail}: Coulomb friction falls short by "
-        f"{-100 * value[tail] / value[coulomb_label(tail)]:.2g} % at the slowest rows in use, as "
-        "a smooth sign of dq does; a column for it is fitted along"
-        for tail in tails
-        if tail not in doubtful
-    ]
-    return evolve(kept, notes=(*kept.notes, *notes))
 
 
 def identify_as_paper(recording: Recording) -> Identification:
@@ -156,37 +136,26 @@ def rms_percent(full: Stack, params: np.ndarray, rows: np.ndarray) -> np.ndarray
         return 100 * np.sqrt((residual**2).sum(axis=0) / (measured**2).sum(axis=0))
 
 
-def _enough(full: Stack, recording: Recording) -> None:
-    rows, needed = int(full.fit.sum()), 3 * full.y.shape[2]
-    if rows < needed:
-        got = f"{rows} after filtering and leaving out reversals"
-        raise InputError(
-            Problem(
-                ", ".join(recording.files),
-                f"at least {needed} rows to fit {full.y.shape[2]} parameters",
-                got,
-                "record longer",
-            )
-        )
-
-
 def _spread_out(values: np.ndarray, base: tuple[int, ...], size: int) -> np.ndarray:
     full = np.zeros(size)
     full[list(base)] = values
     return full
 
 
-def _parameters(
-    full: Stack, shown: Identifiability, fitted: ParameterEstimate, widths: Spread
-) -> tuple[Parameter, ...]:
+def _parameters(fitted: Fit, left: Doubted) -> tuple[Parameter, ...]:
     """All parameters in order; one outside the base is zero without an interval (its effect is in the base ones)."""
     table = []
-    for k, (label, unit) in enumerate(zip(full.labels, full.units, strict=True)):
-        if k not in shown.base:
-            table.append(Parameter(label, 0.0, np.nan, np.nan, (np.nan, np.nan), unit))
+    widths, base, nothing = fitted.spread, fitted.shown.base, (np.nan, np.nan)
+    for k, (label, unit) in enumerate(zip(fitted.stack.labels, fitted.stack.units, strict=True)):
+        kinds = left.withheld.get(label, ())
+        if k not in base:
+            table.append(Parameter(label, 0.0, np.nan, np.nan, nothing, unit, kinds))
             continue
-        b = shown.base.index(k)
-        value, half = float(fitted.params[b]), float(widths.half_width[b])
+        b = base.index(k)
+        value, half = float(fitted.params[b]), float(left.half_width[b])
+        if kinds:
+            table.append(Parameter(label, value, np.nan, np.nan, nothing, unit, kinds))
+            continue
         interval = (value - half, value + half)
         table.append(Parameter(label, value, float(widths.std[b]), float(widths.std_white[b]), interval, unit))
     return tuple(table)
@@ -216,36 +185,13 @@ def _doubts(found: Identification) -> list[str]:
         doubts.append(f"not determined by this motion (interval wider than the parameter's usual size): {names}")
     if found.spread.blocks < 12:
         doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
-    return doubts + _shifted(found) + _against_declared(found) + _outside(found.stack)
-
-
-def _shifted(found: Identification) -> list[str]:
-    """Whether tau is early or late against q: tau(t + d) = tau + d dtau/dt, a column fitted beside the others."""
-    step = max(run.step for run in found.recording.runs)
-    base = with_columns(found.stack, found.identifiability.base)
-    rate = found.stack.tau_rate[:, :, None] * step
-    wider = evolve(base, y=np.concatenate([base.y, rate], axis=2), labels=(*base.labels, Label("shift")))
-    fitted = estimate(wider, evolve(found.method, physical=False), found.model)
-    shift, std = float(fitted.params[-1]), float(spread(wider, fitted).std[-1])
-    if abs(shift) < 0.25 or abs(shift) < 4 * std:
-        return []
-    way, advice = (
-        "early",
-        "a command that is held until the next sample is half a sample early: say torque_held = true",
-    )
-    if shift < 0:
-        way, advice = ("late", "a filter on one side, or stamps taken at another time")
-    return [
-        f"tau is {way} against q by {abs(shift):.2g} samples "
-        f"({abs(shift) * step * 1e3:.2g} ms, +-{2 * std:.1g} samples): {advice}; "
-        "a lag or delay of the actuator looks the same (close-loop tells)"
-    ]
+    return doubts + _against_declared(found) + _outside(found.stack)
 
 
 def _against_declared(found: Identification) -> list[str]:
     """Declared parameters that lie outside their intervals: a payload, a gain error, or a declaration that is wrong."""
     pairs = zip(found.parameters, found.model.declared().tolist(), strict=False)
-    outside = [str(p.label) for p, value in pairs if not p.interval[0] <= value <= p.interval[1]]
+    outside = [str(p.label) for p, value in pairs if not (p.withheld or p.interval[0] <= value <= p.interval[1])]
     names = ", ".join(outside)
     text = (
         f"declared parameters outside their 95 % intervals: {names} (a payload, a gain error, or a wrong declaration)"

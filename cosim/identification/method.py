@@ -10,7 +10,7 @@ from cosim.errors import InputError, Problem
 from cosim.measured.filtering import FilteredMotion, FirstOrder, LowPass, Window, ZeroPhase, bandwidth, near_reversal
 from cosim.measured.recording import Recording
 
-REACH = 0.5 * (1 + 1 / 6)  # reach of the two windows to either side, in periods of the common low-pass
+LADDER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the usual cutoffs; the last lies at three times the motion's band
 
 
 class Reversals(ABC):
@@ -91,7 +91,7 @@ class Method:
 
     before: low-pass of q (and of tau where `both_sides`) before differentiation; low_pass: over both sides of the
     equation; weighted: joints weighted by their residual; robust: Huber's weights; physical: constrained to M > 0 over
-    the workspace and to friction that dissipates.
+    the workspace and to friction that dissipates; shares: of both cutoffs that are tried, the narrowest intervals win.
     """
 
     name: str
@@ -102,6 +102,14 @@ class Method:
     weighted: bool = True
     robust: bool = False
     physical: bool = False
+    shares: tuple[float, ...] = (1.0,)
+
+    def tried(self) -> tuple["Method", ...]:
+        """The methods to choose from."""
+        return tuple(
+            evolve(self, before=self.before.at(share), low_pass=self.low_pass.at(share), shares=(1.0,))
+            for share in self.shares
+        )
 
     def text(self) -> str:
         """The processing in one sentence."""
@@ -128,31 +136,15 @@ def suggested(recording: Recording) -> Method:
     """The default: cutoffs from the band of the motion, rows near reversals left out, joints weighted.
 
     The common low-pass lies at twelve times the motion's band, the one before differentiation at six times that. Where
-    torques were clipped, the slow rows are left, in which the encoder's noise in the acceleration weighs more (errors
-    in variables: inertias too small): the common low-pass then lies at six times the band, but reaches to either side
-    at most half of the usual stretch between, so that the longer half of the stretches keep rows.
+    torques were clipped, a row is lost with each clipped one that its filters see, which speaks for short filters, and
+    the rows that are left are the slow ones, in which the encoder's noise in the acceleration weighs more, which speaks
+    for long ones. Both enter the intervals (`doubted`), so those of LADDER are tried.
     """
     rate = 1 / max(run.step for run in recording.runs)
-    band, free = bandwidth(recording), _between_clipped(recording)
-    wanted = max(6 * band, 2 * REACH / free) if free else 12 * band
-    low = float(np.clip(wanted, 2.0, 0.1 * rate))
+    low = float(np.clip(12 * bandwidth(recording), 2.0, 0.1 * rate))
     law = LeaveOut(smoothing=recording.description.coulomb_velocity)
-    return Method("default", Window(min(6 * low, 0.2 * rate)), Window(low), law)
-
-
-def _between_clipped(recording: Recording) -> float:
-    """Length [s] of the stretch without clipped torques in which the middle one of such rows stands; 0 without any."""
-    lengths = []
-    for run in recording.runs:
-        for rows in () if run.clipped is None else run.clipped.T:
-            edges = np.flatnonzero(np.diff(np.r_[1, rows.astype(int), 1]))
-            lengths += [(stop - start, run.step) for start, stop in edges.reshape(-1, 2)]
-    if not lengths:
-        return 0.0
-    lengths.sort()
-    counts = np.array([count for count, _ in lengths])
-    count, step = lengths[int(np.searchsorted(np.cumsum(counts), counts.sum() / 2))]
-    return float(count * step)
+    shares = LADDER if any(run.clipped is not None for run in recording.runs) else (1.0,)
+    return Method("default", Window(min(6 * low, 0.2 * rate)), Window(low), law, shares=shares)
 
 
 def taati(recording: Recording, velocity_cutoff: float = 30.0) -> Method:
@@ -182,4 +174,13 @@ def adjusted(
     low_pass = method.low_pass if cutoff is None else Window(cutoff)
     before = method.before if velocity_cutoff is None else Window(velocity_cutoff)
     reversals = method.reversals if smooth_sign is None else SmoothLaw(smooth_sign)
-    return evolve(method, low_pass=low_pass, before=before, reversals=reversals, robust=robust, physical=physical)
+    shares = method.shares if cutoff is None and velocity_cutoff is None else (1.0,)
+    return evolve(
+        method,
+        low_pass=low_pass,
+        before=before,
+        reversals=reversals,
+        robust=robust,
+        physical=physical,
+        shares=shares,
+    )

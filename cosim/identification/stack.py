@@ -9,7 +9,7 @@ from cosim.identification.linear_model import LinearModel, linear_model
 from cosim.identification.method import Method
 from cosim.identification.regressor import RegressorColumns, slow_columns
 from cosim.measured.device import Device
-from cosim.measured.filtering import FilteredMotion, motion, widened
+from cosim.measured.filtering import FilteredMotion, derivative, motion, widened
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
@@ -18,7 +18,7 @@ BLOCK = 1 << 16  # rows whose columns are held at once
 
 @frozen(eq=False)
 class Stack:
-    """Linear model of a recording: y (n, nj, p), tau and its rate (n, nj); n counts time stamps of all runs.
+    """Linear model of a recording: y (n, nj, p), tau, its rate and the rate of that (n, nj); n counts time stamps of all runs.
 
     keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; whole (n, nj): rows
     whose torque no filter mixes with a clipped one; test (n,): held out; run (n,): number of the run; time (n,) [s]; q,
@@ -28,6 +28,7 @@ class Stack:
     y: np.ndarray
     tau: np.ndarray
     tau_rate: np.ndarray
+    tau_bend: np.ndarray
     keep: np.ndarray
     settled: np.ndarray
     whole: np.ndarray
@@ -68,6 +69,7 @@ def stack(recording: Recording, method: Method) -> Stack:
         y=np.concatenate([piece.y for piece in pieces]),
         tau=np.concatenate([piece.tau for piece in pieces]),
         tau_rate=np.concatenate([piece.tau_rate for piece in pieces]),
+        tau_bend=np.concatenate([piece.tau_bend for piece in pieces]),
         keep=np.concatenate([piece.keep for piece in pieces]),
         settled=np.concatenate([piece.settled for piece in pieces]),
         whole=np.concatenate([piece.whole for piece in pieces]),
@@ -99,11 +101,12 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
     keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None] & whole
     every = method.low_pass.decimation(step)
     pick = slice(None, None, every)
-    columns, rate = _in_blocks(model, moved, method, speed, every)
+    columns, rate, bend = _in_blocks(model, moved, method, speed, every)
     return Stack(
         y=columns.y,
         tau=columns.tau,
         tau_rate=rate,
+        tau_bend=bend,
         keep=keep[pick],
         settled=settled[pick],
         whole=whole[pick],
@@ -120,14 +123,14 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
 
 def _in_blocks(
     model: LinearModel, moved: FilteredMotion, method: Method, speed: np.ndarray, every: int
-) -> tuple[RegressorColumns, np.ndarray]:
-    """The model's columns, and the rate of tau (m, nj), at every `every`-th row.
+) -> tuple[RegressorColumns, np.ndarray, np.ndarray]:
+    """The model's columns, the rate of tau and the rate of that (m, nj), at every `every`-th row.
 
     Columns at all rows of a long recording would need gigabytes: they are formed for BLOCK rows at a time, with the
     rows beside them that the filter sees.
     """
-    before, after = method.low_pass.memory(moved.step)
-    blocks, rates = [], []
+    before, after = (rows + 2 for rows in method.low_pass.memory(moved.step))
+    blocks, rates, bends = [], [], []
     for start in range(0, len(moved.time), BLOCK // every * every):
         stop = min(start + BLOCK // every * every, len(moved.time))
         first = max(start - before, 0)
@@ -137,8 +140,9 @@ def _in_blocks(
         own = slice(start - first, stop - first, every)
         blocks.append(evolve(columns, y=columns.y[own].copy(), tau=columns.tau[own].copy()))
         rates.append(method.low_pass.rate(part.tau, moved.step)[own].copy())
+        bends.append(method.low_pass.rate(derivative(part.tau, moved.step), moved.step)[own].copy())
     y, tau = np.concatenate([b.y for b in blocks]), np.concatenate([b.tau for b in blocks])
-    return evolve(blocks[0], y=y, tau=tau), np.concatenate(rates)
+    return evolve(blocks[0], y=y, tau=tau), np.concatenate(rates), np.concatenate(bends)
 
 
 def _whole(run: Run, method: Method, reach: tuple[int, int]) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim.errors import InputError, Problem
 from cosim.measured import plausibility
-from cosim.measured.notes import Notes
+from cosim.measured.notes import Doubt, Notes
 from cosim.measured.recording import Recording, Run
 
 SUSPECT = (
@@ -23,19 +23,11 @@ def check(recording: Recording, notes: Notes) -> None:
     velocity_problems, velocities = _velocities(recording)
     if problems + velocity_problems:
         raise InputError(problems + velocity_problems)
-    found = {
-        "velocity": velocities,
-        "constant": _stuck_in_some(recording),
-        "interleaved": _interleaved(recording),
-        "filtered": _filtered(recording),
-        "outside": _outside(recording),
-        "swapped": plausibility.swapped(recording),
-        "unit": plausibility.fast(recording) + plausibility.runs_apart(recording),
-        "drift": plausibility.drifting(recording),
-    }
-    for kind, texts in found.items():
-        for text in texts:
-            notes(text, kind)
+    found = [*velocities, *_stuck_in_some(recording), *_interleaved(recording), *_filtered(recording)]
+    found += [*_outside(recording), *plausibility.swapped(recording), *plausibility.fast(recording)]
+    found += [*plausibility.runs_apart(recording), *plausibility.drifting(recording)]
+    for doubt in found:
+        notes.add(doubt)
 
 
 def _constant(recording: Recording) -> list[Problem]:
@@ -60,14 +52,14 @@ def _extremes(values: np.ndarray) -> tuple[float, float]:
     return values.min(), values.max()
 
 
-def _stuck_in_some(recording: Recording) -> list[str]:
-    notes, columns = [], recording.description.columns
+def _stuck_in_some(recording: Recording) -> list[Doubt]:
+    found, columns = [], recording.description.columns
     for role in ("q", "tau"):
         for joint, name in enumerate(columns.of_role(role)):
             stuck = [run.name for run in recording.runs if np.ptp(_signals(run, role)[:, joint]) == 0]
             if stuck:
-                notes.append(f"column {name!r} is constant in run(s) {', '.join(stuck[:6])}")
-    return notes
+                found.append(Doubt.of("constant", f"column {name!r} is constant in run(s) {', '.join(stuck[:6])}"))
+    return found
 
 
 def _too_large(recording: Recording) -> list[Problem]:
@@ -84,9 +76,12 @@ def _too_large(recording: Recording) -> list[Problem]:
     return problems
 
 
-def _velocities(recording: Recording) -> tuple[list[Problem], list[str]]:
-    """Slope of the dq column over the differentiated q column: 1, or a unit is wrong."""
-    problems, notes = [], []
+def _velocities(recording: Recording) -> tuple[list[Problem], list[Doubt]]:
+    """Slope of the dq column over the differentiated q column: 1, or a unit is wrong. Only devices whose columns were
+    recorded use dq; of others q is differentiated.
+    """
+    problems, found = [], []
+    kind = "velocity" if recording.device.recorded_columns else "unused velocity"
     for joint, name in enumerate(recording.description.columns.dq):
         slope = _slope(recording.runs, joint)
         if slope is None or 0.9 < slope < 1.1:
@@ -96,8 +91,9 @@ def _velocities(recording: Recording) -> tuple[list[Problem], list[str]]:
             got = f"{slope:.4g} times it"
             problems.append(Problem(f"column {name!r}", "the derivative of q", got, f"is it in {unit}? see [units]"))
         else:
-            notes.append(f"column {name!r} is {slope:.3g} times the derivative of q: not the same motion, or filtered")
-    return problems, notes
+            text = f"column {name!r} is {slope:.3g} times the derivative of q: not the same motion, or filtered"
+            found.append(Doubt.of(kind, text))
+    return problems, found
 
 
 def _slope(runs: tuple[Run, ...], joint: int) -> float | None:
@@ -116,7 +112,7 @@ def _slope(runs: tuple[Run, ...], joint: int) -> float | None:
     return float(top / bottom) if bottom > 0 else None
 
 
-def _interleaved(recording: Recording) -> list[str]:
+def _interleaved(recording: Recording) -> list[Doubt]:
     """Held-out rows that continue training rows after a second or two are not independent of them."""
     edges = []
     for run in recording.runs:
@@ -128,8 +124,11 @@ def _interleaved(recording: Recording) -> list[str]:
     if len(mixed) > 1:
         edges.append((len(mixed), float(np.mean([len(a) * a.step for a, _ in mixed]))))
     return [
-        f"held-out rows alternate with training rows ({count} times, pieces of about {length:.2g} s of one motion): "
-        "they are not independent, the held-out error is too good"
+        Doubt.of(
+            "interleaved",
+            f"held-out rows alternate with training rows ({count} times, pieces of about {length:.2g} s of one motion)"
+            ": they are not independent, the held-out error is too good",
+        )
         for count, length in edges
     ]
 
@@ -187,9 +186,9 @@ def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float 
     return float(frequency[bands[int(np.argmax(high))].start]) if high[3:].any() else None
 
 
-def _filtered(recording: Recording) -> list[str]:
-    """Warn where one side of the equation was low-passed and the other was not."""
-    notes = []
+def _filtered(recording: Recording) -> list[Doubt]:
+    """Doubts where one side of the equation was low-passed and the other was not."""
+    texts = []
     for joint, label in enumerate(recording.joints):
         longest = max(recording.runs, key=len)
         marks = {"q": low_passed(longest.q[:, joint], 2), "tau": low_passed(longest.tau[:, joint])}
@@ -199,13 +198,13 @@ def _filtered(recording: Recording) -> list[str]:
         if len(found) == 1:
             ((name, mark),) = found
             other = "tau" if name == "q" else "q"
-            notes.append(
+            texts.append(
                 f"{label}: {name} was low-pass filtered near {mark * 0.5 / longest.step:.3g} Hz and {other} was "
                 "not: a lag between the two sides may be the filter's, and errors above it are not the model's"
             )
         elif not found:
-            notes += _emptied_runs(recording.runs, joint, label)
-    return notes
+            texts += _emptied_runs(recording.runs, joint, label)
+    return [Doubt.of("filtered", text) for text in texts]
 
 
 def _emptied_runs(runs: tuple[Run, ...], joint: int, label: str) -> list[str]:
@@ -224,7 +223,7 @@ def _emptied_runs(runs: tuple[Run, ...], joint: int, label: str) -> list[str]:
     ]
 
 
-def _outside(recording: Recording) -> list[str]:
+def _outside(recording: Recording) -> list[Doubt]:
     """Held-out rows whose position leaves the range of the training rows, per joint."""
     train = [run.q[run.train] for run in recording.runs if run.train.any()]
     held = [run.q[run.test] for run in recording.runs if run.test.any()]
@@ -234,4 +233,5 @@ def _outside(recording: Recording) -> list[str]:
     margin = 0.02 * np.ptp(fit, axis=0)
     out = 100 * ((test < fit.min(axis=0) - margin) | (test > fit.max(axis=0) + margin)).mean(axis=0)
     beyond = [f"{label} {share:.2g} %" for label, share in zip(recording.joints, out, strict=True) if share]
-    return [f"held-out rows leave the range of q of the training rows: {', '.join(beyond)}"] if beyond else []
+    text = f"held-out rows leave the range of q of the training rows: {', '.join(beyond)}"
+    return [Doubt.of("outside", text)] if beyond else []

@@ -26,6 +26,10 @@ class LowPass(ABC):
         """F{dx/dt}, same shape, without differentiating x."""
 
     @abstractmethod
+    def at(self, share: float) -> "LowPass":
+        """The same filter with a share of its cutoff."""
+
+    @abstractmethod
     def settle(self, step: float) -> tuple[int, int]:
         """Number of rows at the start and at the end that the filter's transient makes unusable."""
 
@@ -66,6 +70,9 @@ class FirstOrder(LowPass):
     def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
         return self.omega * (signal - self.low(signal, step))
 
+    def at(self, share: float) -> "FirstOrder":
+        return FirstOrder(share * self.omega)
+
     def settle(self, step: float) -> tuple[int, int]:
         return int(np.ceil(12 / (self.omega * step))), 0
 
@@ -100,6 +107,9 @@ class ZeroPhase(LowPass):
 
     def rate(self, signal: np.ndarray, step: float) -> np.ndarray:
         return derivative(self.low(signal, step), step)
+
+    def at(self, share: float) -> "ZeroPhase":
+        return ZeroPhase(share * self.cutoff, self.order)
 
     def settle(self, step: float) -> tuple[int, int]:
         rows = int(np.ceil(3.0 / (self.cutoff * step)))
@@ -151,6 +161,9 @@ class Window(LowPass):
     def half(self, step: float) -> int:
         """Rows to either side of the middle one."""
         return max(round(0.5 / (self.cutoff * step)) - 1, 0)
+
+    def at(self, share: float) -> "Window":
+        return Window(share * self.cutoff)
 
     def settle(self, step: float) -> tuple[int, int]:
         return self.half(step) + 3, self.half(step) + 3

@@ -1,0 +1,114 @@
+"""One fit of a recording by one method: base parameters, their estimate and its spread."""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.errors import InputError, Problem
+from cosim.identification.estimate import ParameterEstimate, estimate
+from cosim.identification.identifiability import Identifiability, identifiability
+from cosim.identification.intervals import Spread, spread
+from cosim.identification.linear_model import LinearModel, linear_model
+from cosim.identification.method import Method
+from cosim.identification.stack import Stack, coulomb_label, stack, with_columns, without
+from cosim.measured.recording import Recording
+
+
+@frozen(eq=False)
+class Fit:
+    """A recording through a method's filters, and the least squares: `base` has the columns of the base parameters."""
+
+    recording: Recording
+    method: Method
+    stack: Stack
+    shown: Identifiability
+    base: Stack
+    estimate: ParameterEstimate
+    spread: Spread
+
+    @property
+    def model(self) -> LinearModel:
+        """The linear model of the recording's device."""
+        return linear_model(self.recording.device, self.recording.description)
+
+    @property
+    def params(self) -> np.ndarray:
+        """Base parameters (p,)."""
+        return self.estimate.params
+
+    def beside(self, columns: np.ndarray) -> ParameterEstimate:
+        """The base parameters fitted with further columns (n, nj, k), whose coefficients are the last k parameters."""
+        wider = self.widened(columns)
+        return estimate(wider, evolve(self.method, physical=False), self.model)
+
+    def widened(self, columns: np.ndarray) -> Stack:
+        """The base columns with further ones (n, nj, k)."""
+        return evolve(self.base, y=np.concatenate([self.base.y, columns], axis=2))
+
+    def otherwise(self, recording: Recording) -> np.ndarray:
+        """The same base parameters (p,) and filters with another recording of the same rows; NaN where too few rows are
+        left.
+        """
+        full = stack(recording, self.method)
+        columns = [full.labels.index(label) for label in self.base.labels]
+        if full.fit.sum() < 3 * len(columns):
+            return np.full(len(columns), np.nan)
+        return estimate(with_columns(full, columns), evolve(self.method, physical=False), self.model).params
+
+
+def fit(recording: Recording, method: Method) -> Fit:
+    """Least squares by the method. Raises InputError where there is too little to fit."""
+    model = linear_model(recording.device, recording.description)
+    full = _with_plausible_tail(stack(recording, method), method, model, recording)
+    _enough(full, recording)
+    return Fit(recording, method, full, *_fitted(full, method, model))
+
+
+def _fitted(
+    full: Stack, method: Method, model: LinearModel
+) -> tuple[Identifiability, Stack, ParameterEstimate, Spread]:
+    """Base parameters, their columns, their estimate and its spread."""
+    shown = identifiability(full)
+    base = with_columns(full, shown.base)
+    found = estimate(base, method, model)
+    return shown, base, found, spread(base, found)
+
+
+def _with_plausible_tail(full: Stack, method: Method, model: LinearModel, recording: Recording) -> Stack:
+    """Keep a `slow` column only where the data speak for it and it is that of a smoothed sign: Coulomb friction that
+    is smaller on the slowest rows, by less than half of it. Elsewhere the column would only widen the intervals.
+    """
+    tails = [label for label in full.labels if label.name == "slow"]
+    if not tails:
+        return full
+    _enough(full, recording)
+    _, base, fitted, widths = _fitted(full, method, model)
+    value = dict(zip(base.labels, fitted.params.tolist(), strict=True))
+    score = dict(zip(base.labels, (fitted.params / np.maximum(widths.std, 1e-300)).tolist(), strict=True))
+    doubtful = [
+        tail
+        for tail in tails
+        if tail not in value or score[tail] > -1 or -value[tail] > 0.5 * abs(value.get(coulomb_label(tail), 0.0))
+    ]
+    kept = without(full, tuple(doubtful))
+    notes = [
+        f"{tail}: Coulomb friction falls short by "
+        f"{-100 * value[tail] / value[coulomb_label(tail)]:.2g} % at the slowest rows in use, as "
+        "a smooth sign of dq does; a column for it is fitted along"
+        for tail in tails
+        if tail not in doubtful
+    ]
+    return evolve(kept, notes=(*kept.notes, *notes))
+
+
+def _enough(full: Stack, recording: Recording) -> None:
+    rows, needed = int(full.fit.sum()), 3 * full.y.shape[2]
+    if rows < needed:
+        got = f"{rows} after filtering and leaving out reversals"
+        raise InputError(
+            Problem(
+                ", ".join(recording.files),
+                f"at least {needed} rows to fit {full.y.shape[2]} parameters",
+                got,
+                "record longer",
+            )
+        )

@@ -15,7 +15,7 @@ from cosim.closure.closure import close_loop as closed
 from cosim.closure.document import answer, sentence
 from cosim.effects import Effect, library
 from cosim.identification.document import document, verdict
-from cosim.identification.identification import Identification, identify_as_paper
+from cosim.identification.identification import Identification, Parameter, identify_as_paper
 from cosim.identification.identification import identify as identified
 from cosim.identification.idim import Idim, idim
 from cosim.identification.method import adjusted, suggested
@@ -195,11 +195,8 @@ class IdentificationResult:
 
     def __str__(self) -> str:
         """What `cosim identify` prints."""
-        lines = [verdict(self.found)]
-        for p in self.found.parameters:
-            low, high = p.interval
-            lines.append(f"  {p.label!s:14s} {p.value: .6g}  [{low: .6g}, {high: .6g}] {p.unit}")
-        return "\n".join(lines)
+        names = [f"  {p.label!s:14s} {p.value: .6g}  {_interval(p)} {p.unit}" for p in self.found.parameters]
+        return "\n".join([verdict(self.found), *names])
 
     def __repr__(self) -> str:
         return (
@@ -207,11 +204,13 @@ class IdentificationResult:
         )
 
     def _repr_html_(self) -> str:
-        rows = {
-            str(p.label): f"{p.value:.6g}  [{p.interval[0]:.6g}, {p.interval[1]:.6g}] {p.unit}"
-            for p in self.found.parameters
-        }
+        rows = {str(p.label): f"{p.value:.6g}  {_interval(p)} {p.unit}" for p in self.found.parameters}
         return card(verdict(self.found), rows)
+
+
+def _interval(parameter: Parameter) -> str:
+    low, high = parameter.interval
+    return f"no interval ({', '.join(parameter.withheld)})" if parameter.withheld else f"[{low: .6g}, {high: .6g}]"
 
 
 def close_loop(

@@ -59,6 +59,8 @@ def verdict(found: Identification) -> str:
         if loose
         else " The motion determines all of them."
     )
+    if found.withheld:
+        text += f" No interval for {', '.join(map(str, found.withheld))}: a doubt about the recording was not mended."
     return text + (
         "" if found.positive_definite else " The identified mass matrix is not positive definite everywhere."
     )

@@ -38,8 +38,9 @@ class Doubted:
 def doubted(fit: Fit) -> Doubted:
     """What is left of the doubts about a fit's recording."""
     lag, late = _late(fit)
+    bend, bent = _bent(fit)
     clipped = any(run.clipped is not None for run in fit.recording.runs)
-    parts = [lag, _warmer(fit), _noise(fit) if clipped else np.zeros(len(lag))]
+    parts = [lag, bend, _warmer(fit), _noise(fit) if clipped else np.zeros(len(lag))]
     half = _repeats(fit) * fit.spread.half_width + np.sum(parts, axis=0)
     kinds: dict[Label, tuple[str, ...]] = {}
     for doubt in fit.recording.doubts:
@@ -48,14 +49,14 @@ def doubted(fit: Fit) -> Doubted:
     if clipped and not fit.method.reversals.heed_clipping:
         kinds |= {label: (*kinds.get(label, ()), "clipped") for label in fit.stack.labels}
     unique = {label: tuple(dict.fromkeys(names)) for label, names in kinds.items()}
-    return Doubted(half, unique, late)
+    return Doubted(half, unique, late + bent)
 
 
 def _late(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:
     """What a lag between tau and q changes in the parameters (p,), and the doubt where it is told.
 
-    A torque that is late or filtered is tau + a dtau/dt + b d2tau/dt2 + ... of what is recorded, exactly so for a filter
-    of second order; the columns of both derivatives are fitted beside the others, for each joint.
+    A torque that is late or filtered is tau + a dtau/dt + b d2tau/dt2 + ... of what is recorded, exactly so for a
+    filter of second order; the columns of both derivatives are fitted beside the others, for each joint.
     """
     shift, std, step = _shift(fit)
     filtered = any(doubt.kind == "filtered" for doubt in fit.recording.doubts)
@@ -91,6 +92,28 @@ def _lag(shift: float, std: float, step: float) -> Doubt:
         "what a lag changes"
     )
     return Doubt.of("lag", text)
+
+
+def _bent(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:
+    """What a torque that is recorded too small or too large where it is large changes in the parameters (p,), and the
+    doubt where it is told: the column tau^3, the first odd term of any such law, is fitted beside the others.
+    """
+    nothing = np.zeros(len(fit.params)), ()
+    size = np.abs(fit.stack.tau).max(axis=0)
+    size[size == 0] = 1.0
+    column = (fit.stack.tau**3 / size**2)[:, :, None]
+    wider = evolve(fit.widened(column), labels=(*fit.base.labels, Label("bent")))
+    found = estimate(wider, evolve(fit.method, physical=False), fit.model)
+    share, std = -float(found.params[-1]), float(spread(wider, found).std[-1])
+    change = np.abs(found.params[:-1] - fit.params)
+    if abs(share) < SURE * std or not (change > fit.spread.half_width).any():
+        return nothing
+    text = (
+        f"tau is too {'small' if share > 0 else 'large'} where it is large, by {100 * abs(share):.2g} % "
+        f"(+-{200 * std:.1g} %) at its largest against the model: an amplifier near its limit, or an effect that the model lacks (close-loop "
+        "tells). The intervals hold what a bent torque changes"
+    )
+    return change, (Doubt.of("bent", text),)
 
 
 def _warmer(fit: Fit) -> np.ndarray:
@@ -162,4 +185,6 @@ def rescaled(recording: Recording, by: Rescaled) -> Recording:
         x[:, by.joint] *= by.factor
         return x
 
-    return evolve(recording, runs=tuple(evolve(run, **{by.role: scaled(getattr(run, by.role))}) for run in recording.runs))
+    return evolve(
+        recording, runs=tuple(evolve(run, **{by.role: scaled(getattr(run, by.role))}) for run in recording.runs)
+    )

@@ -59,6 +59,11 @@ class Identification:
         return linear_model(self.recording.device, self.recording.description)
 
     @property
+    def withheld(self) -> tuple[Label, ...]:
+        """Parameters whose interval is withheld."""
+        return tuple(p.label for p in self.parameters if p.withheld)
+
+    @property
     def predicted(self) -> np.ndarray:
         """Filtered torque (n, nj) of the model."""
         return self.stack.y @ self.params
@@ -90,7 +95,9 @@ def identify(recording: Recording, method: Method | None = None) -> Identificati
         doubts=(*recording.doubts, *left.doubts),
     )
     late = (doubt.text for doubt in left.doubts)
-    return evolve(found, warnings=(*recording.warnings, *full.notes, *doubts, *late, *_doubts(found), *_withheld(found)))
+    return evolve(
+        found, warnings=(*recording.warnings, *full.notes, *doubts, *late, *_doubts(found), *_withheld(found))
+    )
 
 
 def _narrowest(recording: Recording, method: Method) -> tuple[Fit, Doubted]:
@@ -118,7 +125,7 @@ def _withheld(found: Identification) -> list[str]:
         if p.withheld:
             names.setdefault(p.withheld, []).append(str(p.label))
     return [
-        f"no interval for {', '.join(labels)}: a doubt about the recording ({', '.join(kinds)}) that could not be mended"
+        f"no interval for {', '.join(labels)}: a doubt about the recording ({', '.join(kinds)}) was not mended"
         for kinds, labels in names.items()
     ]
 

@@ -18,7 +18,8 @@ BLOCK = 1 << 16  # rows whose columns are held at once
 
 @frozen(eq=False)
 class Stack:
-    """Linear model of a recording: y (n, nj, p), tau, its rate and the rate of that (n, nj); n counts time stamps of all runs.
+    """Linear model of a recording: y (n, nj, p), tau, its rate and the rate of that (n, nj); n counts time
+    stamps of all runs.
 
     keep (n, nj): settled rows away from reversals; settled (n,): rows past the filters' start-up; whole (n, nj): rows
     whose torque no filter mixes with a clipped one; test (n,): held out; run (n,): number of the run; time (n,) [s]; q,

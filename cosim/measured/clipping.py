@@ -1,9 +1,11 @@
 """Torques at the end of their range: an amplifier or a converter that could give no more.
 
-A signal that turns round smoothly has a density that grows like 1 / sqrt(distance) towards its extreme, at most. Of the
-rows in the outermost tenth of the range, the outermost resolution step then holds sqrt(step / tenth) of them. A signal
-that is cut piles all that was beyond onto one value. `PILED` = 3 times the share that a smooth signal can have is a
-pile: with at least 12 rows in groups the chance of a smooth signal is below 1e-4 (tests/measured/doubt_study.py).
+A signal that turns round smoothly is a parabola at its extreme: of the rows within a width of it, and within twice that
+width, the first have sqrt(1 / 2) of the time; sqrt(2) + 1 = 2.4 times as many rows are in the outermost width as in the
+next one, at most. One that is held there with noise has fewer in the outermost. A signal that is cut piles all that was
+beyond onto less than its own noise. `PILED` = 3 times the share that a smooth signal can have is a pile: with at least
+12 rows in groups the chance of a smooth signal is below 1e-4 (tests/measured/doubt_study.py). The width is the noise of
+the signal, or its resolution where that is coarser.
 """
 
 import numpy as np
@@ -13,10 +15,11 @@ from cosim.measured.notes import Notes
 from cosim.measured.stretch import Stretch
 
 PILED = 3.0
-OUTER = 0.1  # of the range
+PARABOLA = 1 + np.sqrt(2.0)
 FEWEST = 12  # rows
 GROUP = 3  # rows that stand together
-COARSEST = 0.02  # of the range: a signal of fewer values shows nothing
+VISITS = 3  # times that a signal with nothing next to its extreme is there: a command of few values is, too
+LEVELS = 50  # values that a signal has elsewhere: one of fewer shows nothing
 
 
 def marked(stretch: Stretch, notes: Notes) -> Stretch:
@@ -27,7 +30,7 @@ def marked(stretch: Stretch, notes: Notes) -> Stretch:
         if not rows.any():
             continue
         marks[:, column] = rows
-        values = np.unique(stretch.signals[rows, column])
+        values = _limits(stretch.signals[rows, column])
         share = 100 * rows.mean()
         text = (
             f"{stretch.name}: {stretch.names[column]} sits at its extreme ({', '.join(f'{v:.5g}' for v in values)}) in "
@@ -37,38 +40,44 @@ def marked(stretch: Stretch, notes: Notes) -> Stretch:
     return evolve(stretch, clipped=marks) if marks.any() else stretch
 
 
+def _limits(values: np.ndarray) -> list[float]:
+    """The middle of the values at either end."""
+    centre = (values.min() + values.max()) / 2
+    return [float(np.median(part)) for part in (values[values < centre], values[values >= centre]) if len(part)]
+
+
 def at_extreme(values: np.ndarray) -> np.ndarray:
     """Rows (n,) of a signal that sit at its largest or its smallest value, where they are too many to be turning."""
     finite = np.isfinite(values)
     if finite.sum() < 64:
         return np.zeros(len(values), bool)
-    return _at_top(np.where(finite, values, -np.inf)) | _at_top(np.where(finite, -values, -np.inf))
+    width = _width(values[finite])
+    return _at_top(np.where(finite, values, -np.inf), width) | _at_top(np.where(finite, -values, -np.inf), width)
 
 
-def _at_top(values: np.ndarray) -> np.ndarray:
+def _width(values: np.ndarray) -> float:
+    """The noise of a signal (n,), from its fourth differences, or its resolution where that is coarser."""
+    bends = np.abs(np.diff(values, 4)) / np.sqrt(70)  # 70 = 1 + 16 + 36 + 16 + 1
+    noise = (
+        float(np.quantile(bends, 0.75)) / 1.15
+    )  # a quarter of a normal law lies beyond 1.15; rows at a limit have none
+    levels = np.diff(np.unique(values))
+    return max(noise, float(np.median(levels)) if len(levels) else 0.0)
+
+
+def _at_top(values: np.ndarray, width: float) -> np.ndarray:
     finite = values[np.isfinite(values)]
-    high, span = finite.max(), np.ptp(finite)
-    rows = values >= high - 1e-9 * span
-    if high == 0:
-        return np.zeros(len(values), bool)  # off, not at its limit
-    outer = finite[finite > high - OUTER * span]
-    levels = np.unique(outer)
-    if span == 0 or len(levels) < 4:
-        return _only_extreme(values, rows, finite)
-    step = float(np.median(np.diff(levels)))
-    usual = len(outer) * np.sqrt(step / (OUTER * span))
-    grouped = _in_groups(rows)
-    piled = step < COARSEST * span and rows.sum() > PILED * usual and grouped.sum() >= max(FEWEST, 0.5 * rows.sum())
-    return rows if piled else np.zeros(len(values), bool)
-
-
-def _only_extreme(values: np.ndarray, rows: np.ndarray, finite: np.ndarray) -> np.ndarray:
-    """Where next to nothing else lies in the outermost tenth: a pile if the signal is fine elsewhere and comes back."""
-    none = np.zeros(len(values), bool)
-    levels = len(np.unique(finite))
-    visits = int((np.diff(rows.astype(int)) == 1).sum())
-    fine = levels > 1 / COARSEST
-    return rows if fine and visits >= 3 and _in_groups(rows).sum() >= max(FEWEST, 0.5 * rows.sum()) else none
+    high, none = float(finite.max()), np.zeros(len(values), bool)
+    span = float(np.ptp(finite))
+    width += 1e-9 * span
+    if high == 0 or len(np.unique(finite)) <= LEVELS:  # off, not at its limit; or a command of few values
+        return none
+    rows = values > high - width
+    beside = int(((finite <= high - width) & (finite > high - 2 * width)).sum())
+    if not beside and int((np.diff(rows.astype(int)) == 1).sum()) < VISITS:
+        return none
+    piled = rows.sum() > PILED * PARABOLA * beside and _in_groups(rows).sum() >= max(FEWEST, 0.5 * rows.sum())
+    return rows if piled else none
 
 
 def _in_groups(rows: np.ndarray) -> np.ndarray:

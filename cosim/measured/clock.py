@@ -54,35 +54,53 @@ def without_copies(stretch: Stretch, notes: Notes) -> Stretch:
 
 
 def continued(stretch: Stretch, notes: Notes) -> Stretch:
-    """The stretch with its time continued where the clock was set back though the motion goes on."""
+    """The stretch with its time continued where the clock was set, back or forward, though the motion goes on."""
     time = stretch.time.copy()
-    back = np.flatnonzero(np.diff(time) < 0)
-    if not len(back) or not stretch.positions or len(back) > max(len(time) // 64, 1):
+    steps = np.diff(time)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if not stretch.positions or step <= 0:
         return stretch
-    step = float(np.median(np.diff(time)))
-    joined = [int(k) for k in back if step > 0 and _goes_on(stretch, int(k))]
-    if not joined:
-        return stretch
-    for k in joined:
-        time[k + 1 :] += time[k] + step - time[k + 1]
-    shifts = ", ".join(f"{stretch.time[k] + step - stretch.time[k + 1]:.4g} s" for k in joined[:4])
-    text = (
-        f"{stretch.name}: the clock was set back at {len(joined)} rows ({shifts}) though the motion goes on: continued"
-    )
-    notes(f"{text} with its step", "clock set back", stretch.numbers(np.array(joined) + 1))
+    for kind, places in (("back", np.flatnonzero(steps < 0)), ("forward", np.flatnonzero(steps > 1.5 * step))):
+        if len(places) > max(len(time) // 64, 1):
+            continue
+        joined = [int(k) for k in places if _goes_on(stretch, int(k)) and (kind == "back" or _leaps(stretch, int(k)))]
+        for k in joined:
+            time[k + 1 :] += time[k] + step - time[k + 1]
+        if joined:
+            shifts = ", ".join(f"{abs(stretch.time[k] + step - stretch.time[k + 1]):.4g} s" for k in joined[:4])
+            text = (
+                f"{stretch.name}: the clock was set {kind} at {len(joined)} rows ({shifts}) though the motion goes on"
+            )
+            notes(f"{text}: continued with its step", f"clock set {kind}", stretch.numbers(np.array(joined) + 1))
     return evolve(stretch, time=time)
+
+
+def _leaps(stretch: Stretch, k: int) -> bool:
+    """Whether some position would have to stop for the time that the stamps of rows k and k + 1 are apart."""
+    usual = float(np.median(np.diff(stretch.time)))
+    rows = (stretch.time[k + 1] - stretch.time[k]) / usual
+    for column in stretch.positions:
+        q = stretch.signals[:, column]
+        speed = (q[k] - q[k - 2] + q[k + 3] - q[k + 1]) / 4
+        if abs(speed) * (rows - 1) > 2 * JOINS * _usual_bend(q, k):
+            return True
+    return False
+
+
+def _usual_bend(q: np.ndarray, k: int) -> float:
+    """Second differences that are usual around row k."""
+    around = np.abs(np.diff(q[max(k - 40, 0) : k + 42], 2))
+    return float(np.quantile(around[np.isfinite(around)], 0.95)) if np.isfinite(around).any() else 0.0
 
 
 def _goes_on(stretch: Stretch, k: int) -> bool:
     """Whether every position goes on from row k to k + 1 as it does between other rows, in place and in speed."""
-    if k < 2 or k + 3 > len(stretch.time):
+    if k < 2 or k + 3 >= len(stretch.time):
         return False
     for column in stretch.positions:
         q = stretch.signals[:, column]
-        around = np.abs(np.diff(q[max(k - 40, 0) : k + 42], 2))
         bends = np.abs(np.diff(q[k - 1 : k + 3], 2))
-        usual = np.quantile(around[np.isfinite(around)], 0.95) if np.isfinite(around).any() else 0.0
-        if not bends.max() <= JOINS * usual + 1e-12:
+        if not bends.max() <= JOINS * _usual_bend(q, k) + 1e-12:
             return False
     return True
 

@@ -17,6 +17,7 @@ FAR = 10.0  # the same for values of a signal that may jump; n^-9
 SHARE = 0.1  # of the rows that may be impossible; where more are, the signal is another one
 SHORT = 5  # rows; what is at most this long is interpolated over
 FEW = 5  # times that an encoder takes a new zero in one recording; more jumps belong to another kind of signal
+LONE = 64  # values that stand out at all, from which the largest can be told
 COUNTS = 8.0  # smallest steps of the column: what is below is the encoder's own rounding
 NINES = tuple(sign * (10.0**k - 1) for k in range(3, 10) for sign in (1, -1))
 ENDS = tuple(float(v) for b in (15, 16, 31, 32) for v in (2**b, 2**b - 1, -(2**b), 1 - 2**b))
@@ -221,7 +222,7 @@ def _signal(stretch: Stretch, column: int, notes: Notes) -> Stretch:
     good = np.isfinite(values)
     if good.sum() < 16 or not stretch.torques:
         return stretch
-    bad = _sentinels(values, good, stretch.factors[column] if stretch.factors else 1.0)
+    bad = _sentinels(values, good, stretch.factors[column] if stretch.factors else 1.0) | _lone(values)
     bad &= np.abs(values) > _rounding(stretch, column)
     where = f"{stretch.name}: {stretch.names[column]}"
     if bad.any():
@@ -251,6 +252,23 @@ def _sentinels(values: np.ndarray, good: np.ndarray, factor: float) -> np.ndarra
     apart = off > largest
     coded = apart & np.isin(np.round(values / factor, 6), (*NINES, *ENDS))
     return coded | (apart & _short(apart))
+
+
+def _lone(values: np.ndarray) -> np.ndarray:
+    """Single rows (n,) that stand out against both neighbours further than any others do.
+
+    How far a value lies beyond both of its neighbours is noise, whose largest values belong together.
+    """
+    ahead, behind = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    out = np.where(ahead * behind > 0, np.minimum(np.abs(ahead), np.abs(behind)), 0.0)
+    sizes = out[np.isfinite(out) & (out > 0)]
+    rows = np.zeros(len(values), bool)
+    if len(sizes) < LONE:
+        return rows
+    largest = separated(sizes, APART, max(int(SHARE * len(sizes)), 1))
+    usual = float(np.nanmedian(np.abs(ahead)))  # where a signal is steep, noise seldom makes a value stand out
+    rows[1:-1] = np.isfinite(out) & (out > max(largest, APART * usual))
+    return rows
 
 
 def _short(rows: np.ndarray) -> np.ndarray:

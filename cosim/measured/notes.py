@@ -31,9 +31,11 @@ DISPOSITIONS: Mapping[str, Disposition] = MappingProxyType(
         "uneven stamps": Disposition.REPAIRED,
         **dict.fromkeys(("no time", "hole", "repeated stamp", "repeated block", "new zero"), Disposition.LEFT_OUT),
         "clipped": Disposition.LEFT_OUT,
-        **dict.fromkeys(("filtered", "lag", "repeats", "temperature"), Disposition.IN_INTERVAL),
+        **dict.fromkeys(("filtered", "lag", "bent", "repeats", "temperature"), Disposition.IN_INTERVAL),
         **dict.fromkeys(("unit", "swapped", "velocity", "supply"), Disposition.WITHHELD),
-        **dict.fromkeys(("interleaved", "outside", "constant", "unused velocity"), Disposition.UNTOUCHED),  # of held-out rows, of runs
+        **dict.fromkeys(
+            ("interleaved", "outside", "constant", "unused velocity"), Disposition.UNTOUCHED
+        ),  # of held-out rows, of runs
         "unknown torque constant": Disposition.UNTOUCHED,  # parameters carry its unit
     }
 )
@@ -42,7 +44,7 @@ DISPOSITIONS: Mapping[str, Disposition] = MappingProxyType(
 
 @frozen
 class Rescaled:
-    """What a recording would be with another unit: the signal `role` ("q" or "tau") of a joint (from 0), times factor."""
+    """What a recording would be with another unit: the signal `role` ("q" or "tau") of a joint (from 0) times factor."""
 
     role: str
     joint: int

@@ -62,7 +62,7 @@ class Survey:
         ]
         if len(runs) > 12:
             lines.append(f"and {len(runs) - 12} more runs (data.json has all)")
-        doubts = [f"doubt ({doubt.kind}): {doubt.text}" for doubt in self.recording.doubts]
+        doubts = [f"doubt ({doubt.kind}, {doubt.done.value}): {doubt.text}" for doubt in self.recording.doubts]
         return [*lines, *(doubts or ["nothing looks wrong"])]
 
 

@@ -28,7 +28,9 @@ def page(found: Identification, paper: Identification, idim: Idim | None) -> Rep
 def _mood(found: Identification) -> str:
     finite = found.rms_held_out[np.isfinite(found.rms_held_out)]
     return (
-        "good" if len(finite) and finite.max() < 10 and found.positive_definite and not unexcited(found) else "neutral"
+        "good"
+        if len(finite) and finite.max() < 10 and found.positive_definite and not unexcited(found) and not found.withheld
+        else "neutral"
     )
 
 
@@ -48,7 +50,8 @@ def _parameters(found: Identification, paper: Identification) -> Section:
     rows, papers = [], {p.label: f"{p.value:.5g}" for p in paper.parameters}
     for k, p in enumerate(found.parameters):
         other = [f"{known.values[k]:.5g}" if k < len(known.values) else None] if known else []
-        numbers = [f"{v:.5g}" if np.isfinite(v) else None for v in p.interval]
+        reason = f"withheld: {', '.join(p.withheld)}" if p.withheld else None
+        numbers = [f"{v:.5g}" if np.isfinite(v) else reason for v in p.interval]
         numbers += [f"{v:.2g}" if np.isfinite(v) else None for v in (p.std, p.std_white)]
         rows.append([str(p.label), f"{p.value:.6g}", *numbers, papers.get(p.label), *other, p.unit])
     text = (
@@ -123,5 +126,8 @@ def _data(found: Identification) -> Section:
         for run in recording.runs
     ]
     table = Table(["run", "rows", "step [ms]", "length [s]", "held out"], rows)
-    text = "\n\n".join(found.warnings) or "Nothing was repaired and nothing looks wrong."
-    return Section("Data, repairs and doubts", text, [table])
+    doubts = [[doubt.kind, doubt.done.value, doubt.count or None, doubt.text] for doubt in found.doubts]
+    told = {doubt.text for doubt in found.doubts}
+    text = "\n\n".join(warning for warning in found.warnings if warning not in told)
+    tables = [Table(["doubt", "what became of it", "rows", ""], doubts), table] if doubts else [table]
+    return Section("Data, repairs and doubts", text or "Nothing was repaired and nothing looks wrong.", tables)

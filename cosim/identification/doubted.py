@@ -108,10 +108,11 @@ def _bent(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:
     change = np.abs(found.params[:-1] - fit.params)
     if abs(share) < SURE * std or not (change > fit.spread.half_width).any():
         return nothing
+    way = "small" if share > 0 else "large"
     text = (
-        f"tau is too {'small' if share > 0 else 'large'} where it is large, by {100 * abs(share):.2g} % "
-        f"(+-{200 * std:.1g} %) at its largest against the model: an amplifier near its limit, or an effect that the model lacks (close-loop "
-        "tells). The intervals hold what a bent torque changes"
+        f"tau is too {way} where it is large, by {100 * abs(share):.2g} % (+-{200 * std:.1g} %) at its largest against "
+        "the model: an amplifier near its limit, or an effect that the model lacks (close-loop tells). The intervals "
+        "hold what a bent torque changes"
     )
     return change, (Doubt.of("bent", text),)
 

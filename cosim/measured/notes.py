@@ -44,7 +44,7 @@ DISPOSITIONS: Mapping[str, Disposition] = MappingProxyType(
 
 @frozen
 class Rescaled:
-    """What a recording would be with another unit: the signal `role` ("q" or "tau") of a joint (from 0) times factor."""
+    """What a recording would be in another unit: the signal `role` ("q" or "tau") of a joint (from 0) times factor."""
 
     role: str
     joint: int

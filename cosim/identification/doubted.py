@@ -123,9 +123,9 @@ def _warmer(fit: Fit) -> np.ndarray:
     if not any(doubt.kind == "temperature" for doubt in fit.recording.doubts):
         return change
     friction = [k for k, label in enumerate(fit.base.labels) if label.name in FRICTION]
-    for name, unit in fit.recording.description.columns.other.items():
+    for name, unit in fit.recording.description.other.items():
         if unit in KELVINS:
-            warmth = _at_rows(fit, name)
+            warmth = np.nan_to_num(_at_rows(fit, name))  # 0, the mean, for runs whose temperature is not known
             found = fit.beside(fit.base.y[:, :, friction] * warmth[:, None, None]).params
             change += np.abs(found[: len(change)] - fit.params)
             change[friction] += np.abs(found[len(change) :]) * np.abs(warmth).max()
@@ -138,7 +138,7 @@ def _at_rows(fit: Fit, name: str) -> np.ndarray:
     for number, run in enumerate(fit.recording.runs):
         mine = fit.stack.run == number
         rows[mine] = np.interp(fit.stack.time[mine], run.time, run.other[name])
-    return rows - rows[fit.stack.fit.any(axis=1)].mean()
+    return rows - np.nanmean(rows[fit.stack.fit.any(axis=1)])
 
 
 def _noise(fit: Fit) -> np.ndarray:

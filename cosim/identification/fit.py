@@ -10,7 +10,11 @@ from cosim.identification.intervals import Spread, spread
 from cosim.identification.linear_model import LinearModel, linear_model
 from cosim.identification.method import Method
 from cosim.identification.stack import Stack, coulomb_label, stack, with_columns, without
+from cosim.measured.label import Label
 from cosim.measured.recording import Recording
+
+WIDER = 4  # times that the rows left out round a servo's dead band may grow
+BAND = Label("dead_band")
 
 
 @frozen(eq=False)
@@ -57,6 +61,22 @@ class Fit:
 
 def fit(recording: Recording, method: Method) -> Fit:
     """Least squares by the method. Raises InputError where there is too little to fit."""
+    found = _fit(recording, evolve(method, dead_band=_smallest_error(recording)))
+    for _ in range(WIDER):  # until no row within the dead band is left
+        band = abs(dict(zip(found.base.labels, found.params.tolist(), strict=True)).get(BAND, 0.0))
+        if band <= found.method.dead_band:
+            break
+        found = _fit(recording, evolve(found.method, dead_band=1.5 * band))
+    return found
+
+
+def _smallest_error(recording: Recording) -> float:
+    """A tenth of the usual error of a servo; 0 without one whose dead band is to be found."""
+    errors = [(run.tau / run.servo).ravel() for run in recording.runs if run.servo is not None]
+    return 0.1 * float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else 0.0
+
+
+def _fit(recording: Recording, method: Method) -> Fit:
     model = linear_model(recording.device, recording.description)
     full = _with_plausible_tail(stack(recording, method), method, model, recording)
     _enough(full, recording)

@@ -186,8 +186,8 @@ def _(device: PhantomDevice, description: RecordingDescription) -> LinearModel:
 @linear_model.register
 def _(device: AxisDevice, description: RecordingDescription) -> LinearModel:
     unit = description.torque_unit
-    back_emf = description.back_emf * description.scale.get("tau", (1.0,))[0]
-    return AxisModel(device, Actuator(unit, back_emf, unit == description.si["tau"]))
+    band = description.servo is not None and description.servo.dead_band is None
+    return AxisModel(device, Actuator(unit, description.back_emf_at_joint, unit == description.si["tau"], band))
 
 
 @linear_model.register

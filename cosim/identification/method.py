@@ -91,7 +91,8 @@ class Method:
 
     before: low-pass of q (and of tau where `both_sides`) before differentiation; low_pass: over both sides of the
     equation; weighted: joints weighted by their residual; robust: Huber's weights; physical: constrained to M > 0 over
-    the workspace and to friction that dissipates; shares: of both cutoffs that are tried, the narrowest intervals win.
+    the workspace and to friction that dissipates; shares: of both cutoffs that are tried, the narrowest intervals win;
+    dead_band: errors of a servo [rad] up to which rows are left out.
     """
 
     name: str
@@ -103,6 +104,7 @@ class Method:
     robust: bool = False
     physical: bool = False
     shares: tuple[float, ...] = (1.0,)
+    dead_band: float = 0.0
 
     def tried(self) -> tuple["Method", ...]:
         """The methods to choose from."""

@@ -83,11 +83,14 @@ def phantom(motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) ->
 
 @frozen
 class Actuator:
-    """How tau of an axis is given: its unit, the back-EMF [V s/rad] in it, and whether it is a torque in N.m or N."""
+    """How tau of an axis is given: its unit, the back-EMF [V s/rad] in it, whether it is a torque in N.m or N, and
+    whether a servo's dead band is to be found.
+    """
 
     unit: str = "N.m"
     back_emf: float = 0.0
     known: bool = True
+    dead_band: bool = False
 
 
 def axis(
@@ -97,7 +100,8 @@ def axis(
 
     What was mounted is known torque, (m l^2 + I) ddq + m l g sin(q - angle), gravity where it belongs to the model. It
     is taken from a torque, and is a column `load` beside a current or a voltage, whose coefficient is the inverse of
-    the torque constant. A back-EMF is taken from a voltage: U - ke dq.
+    the torque constant. A back-EMF is taken from a voltage: U - ke dq. A servo's dead band d that is not known is a
+    column: its output is e - d sgn(e) on the rows that are kept.
     """
     q, dq, step = motion.q, motion.dq, motion.step
     plain = [dq, dynamics.direction(dq, velocity), np.ones_like(dq)]
@@ -114,6 +118,10 @@ def axis(
     elif motion.run.load is not None:
         columns, names = [*columns, _load(motion, low_pass, gravity)], [*names, "load"]
         units.append(f"{actuator.unit}/(N.m)")
+    if actuator.dead_band:
+        assert motion.run.servo is not None, "the run of a servo says what its dead band takes"
+        columns, names = [*columns, low_pass.low(motion.run.servo, step)], [*names, "dead_band"]
+        units.append("rad")
     y = np.concatenate(columns, axis=1)[:, None, :]
     return RegressorColumns(y, tau, tuple(map(Label, names)), tuple(units))
 

@@ -9,7 +9,7 @@ from cosim.identification.linear_model import LinearModel, linear_model
 from cosim.identification.method import Method
 from cosim.identification.regressor import RegressorColumns, slow_columns
 from cosim.measured.device import Device
-from cosim.measured.filtering import FilteredMotion, derivative, motion, widened
+from cosim.measured.filtering import FilteredMotion, derivative, motion, near_reversal, widened
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
@@ -100,6 +100,7 @@ def _piece(model: LinearModel, moved: FilteredMotion, method: Method, speed: np.
     settled = (np.arange(n) >= head) & (np.arange(n) < n - tail)
     whole = _whole(moved.run, method, (before, after))
     keep = method.reversals.keep(moved, (before, after), speed) & settled[:, None] & whole
+    keep &= _beyond_dead_band(moved.run, method, (before, after))
     every = method.low_pass.decimation(step)
     pick = slice(None, None, every)
     columns, rate, bend = _in_blocks(model, moved, method, speed, every)
@@ -155,6 +156,14 @@ def _whole(run: Run, method: Method, reach: tuple[int, int]) -> np.ndarray:
     if run.clipped is None or not method.reversals.heed_clipping:
         return np.ones(run.tau.shape, bool)
     return ~np.stack([widened(rows, reach) for rows in run.clipped.T], axis=1)
+
+
+def _beyond_dead_band(run: Run, method: Method, reach: tuple[int, int]) -> np.ndarray:
+    """Rows (n, nj) away from errors within a servo's dead band, where its output is not known."""
+    if run.servo is None:
+        return np.ones(run.tau.shape, bool)
+    errors = run.tau / np.abs(run.servo)
+    return ~np.stack([near_reversal(error, run.step, reach, method.dead_band) for error in errors.T], axis=1)
 
 
 def _with_tail(

@@ -11,6 +11,7 @@ from cosim.errors import InputError, Problem
 from cosim.measured import doubts, units
 from cosim.measured.columns import LISTS, ColumnNames
 from cosim.measured.description import RecordingDescription, load_description
+from cosim.measured.mounted import RECORDED, TEMPERATURE
 from cosim.measured.notes import Notes
 from cosim.measured.reader import RawTable, needed, read_table
 from cosim.measured.recording import Recording, Run
@@ -74,6 +75,8 @@ def _torque_told(description: RecordingDescription, note: Notes) -> None:
     if unit == description.si["tau"]:
         return
     text = f"tau is in {unit} and no [scale] tau says how much torque that is: parameters carry {unit} for N.m"
+    if description.servo and description.servo.gain is None:
+        text = f"the servo's gain is not known: parameters carry {unit} of its error for {description.si['tau']}"
     if unit in ("V", "duty") and not description.back_emf:
         text += "; viscous friction holds the back-EMF of the motor ([motor] back_emf takes it out)"
     note(text, "unknown torque constant")
@@ -172,7 +175,7 @@ def _repaired(
     torques = tuple(k for k, (role, _, _) in enumerate(layout) if role == "tau")
     factors = tuple(factor for _, _, factor in layout)
     angles = not description.prismatic
-    computed = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("regressor", "rigid", "mass", "length"))
+    computed = tuple(k for k, (role, _, _) in enumerate(layout) if role in ("regressor", "rigid", *RECORDED))
     spans = tuple(_span(columns[name]) * abs(factor) for _, name, factor in layout)
     stretch = Stretch(
         part.name, time, signals, names, test, positions, angles, torques, computed, factors, spans, part.rows
@@ -193,7 +196,7 @@ def _layout(description: RecordingDescription) -> list[tuple[str, str, float]]:
     """(role, column, factor to SI) of every signal except time."""
     names = description.columns
     layout = [(role, name, description.factor(role, k)) for role in LISTS for k, name in enumerate(names.of_role(role))]
-    single = (("rigid", names.rigid), ("supply", names.supply), ("mass", names.mass), ("length", names.length))
+    single = ((role, names.single(role)) for role in ("rigid", "supply", *RECORDED))
     layout += [(role, name, description.factor(role, 0)) for role, name in single if name]
     return layout + [("other", name, _other_factor(unit)) for name, unit in names.other.items()]
 
@@ -211,12 +214,13 @@ def _with_load(
     mounted = next(
         (description.mounted_in[name] for name in names if name in description.mounted_in), description.mounted
     )
-    given = {role: stretch.signals[:, k] for k, (role, _, _) in enumerate(layout) if role in ("mass", "length")}
-    mass = given.get("mass", np.full(len(run), mounted.mass))
-    length = given.get("length", np.full(len(run), mounted.length))
+    if description.warm:
+        warmth = np.full(len(run), np.nan if mounted.temperature is None else mounted.temperature)
+        run = evolve(run, other={**run.other, TEMPERATURE: warmth})
     if not description.loaded:
         return run
-    return evolve(run, load=mounted.load(mass, length))
+    recorded = {role: stretch.signals[:, k] for k, (role, _, _) in enumerate(layout) if role in RECORDED}
+    return evolve(run, load=mounted.load(recorded, len(run)))
 
 
 def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]], description: RecordingDescription) -> Run:
@@ -224,18 +228,14 @@ def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]], description
         columns = [k for k, (r, _, _) in enumerate(layout) if r == role]
         return np.ascontiguousarray(stretch.signals[:, columns]) if columns else None
 
-    q, tau, rigid = block("q"), block("tau"), block("rigid")
-    assert q is not None and tau is not None, "every description names the columns of q and tau"
-    supply = block("supply")
-    if supply is not None or description.supply:  # a duty cycle times its supply is the voltage of the motor
-        tau = tau * (description.supply if supply is None else supply)
+    q, rigid = block("q"), block("rigid")
+    assert q is not None, "every description names the columns of q"
     other = {name: stretch.signals[:, k].copy() for k, (role, name, _) in enumerate(layout) if role == "other"}
-    torques = [k for k, (role, _, _) in enumerate(layout) if role == "tau"]
-    return Run(
+    run = Run(
         name=stretch.name,
         time=stretch.time,
         q=q,
-        tau=tau,
+        tau=np.zeros_like(q),
         test=stretch.test,
         dq=block("dq"),
         ddq=block("ddq"),
@@ -244,8 +244,37 @@ def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]], description
         regressor=block("regressor"),
         rigid=None if rigid is None else rigid[:, 0],
         other=other,
-        clipped=None if stretch.clipped is None else stretch.clipped[:, torques],
     )
+    return _at_supply(_driven(run, block("tau"), stretch, layout, description), block("supply"), description)
+
+
+def _driven(
+    run: Run,
+    tau: np.ndarray | None,
+    stretch: Stretch,
+    layout: Sequence[tuple[str, str, float]],
+    description: RecordingDescription,
+) -> Run:
+    """The run with its torque as recorded, or as its servo makes it of the error."""
+    servo = description.servo
+    if servo is None:
+        torques = [k for k, (role, _, _) in enumerate(layout) if role == "tau"]
+        assert tau is not None, "every description without a servo names the columns of tau"
+        return evolve(run, tau=tau, clipped=None if stretch.clipped is None else stretch.clipped[:, torques])
+    assert run.q_ref is not None, "the description of a servo names the columns of q_ref"
+    error = run.q_ref - run.q
+    factor = description.factor("tau", 0)
+    side = servo.side(error)
+    side = None if side is None else side * factor
+    return evolve(run, tau=servo.output(error) * factor, servo=side, clipped=servo.at_limit(error))
+
+
+def _at_supply(run: Run, supply: np.ndarray | None, description: RecordingDescription) -> Run:
+    """A duty cycle times its supply is the voltage of the motor."""
+    if supply is None and not description.supply:
+        return run
+    volts = description.supply if supply is None else supply
+    return evolve(run, tau=run.tau * volts, servo=None if run.servo is None else run.servo * volts)
 
 
 def _held_out(runs: list[tuple[Run, bool | None]], test_given: bool, note: Notes) -> list[Run]:

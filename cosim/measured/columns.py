@@ -9,7 +9,7 @@ from attrs import field, frozen
 from cosim.errors import Problem
 from cosim.measured.fields import unknown_names
 
-SINGLE = ("time", "run", "split", "rigid", "supply", "mass", "length")
+SINGLE = ("time", "run", "split", "rigid", "supply", "mass", "length", "inertia", "angle")
 LISTS = ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
 ROLES = (*SINGLE, *LISTS, "other")
 Value = TypeVar("Value")
@@ -38,16 +38,22 @@ class ColumnNames:
     supply: str = ""
     mass: str = ""
     length: str = ""
+    inertia: str = ""
+    angle: str = ""
     other: Mapping[str, str] = field(factory=dict, converter=frozen_map)  # name -> unit
 
     def of_role(self, role: str) -> tuple[str, ...]:
         """The columns of one of the `LISTS`."""
         return getattr(self, role)
 
+    def single(self, role: str) -> str:
+        """The column of one of the `SINGLE` roles; empty where there is none."""
+        return getattr(self, role)
+
     def numeric(self) -> tuple[str, ...]:
         """Every column that must hold numbers."""
         names = [name for role in LISTS for name in self.of_role(role)]
-        single = [name for name in (self.rigid, self.supply, self.mass, self.length) if name]
+        single = [name for role in SINGLE if role not in ("time", "run", "split") and (name := self.single(role))]
         return (self.time, *names, *self.other, *single)
 
     def labels(self) -> tuple[str, ...]:
@@ -55,8 +61,11 @@ class ColumnNames:
         return tuple(name for name in (self.run, self.split) if name)
 
 
-def read_columns(table: object, source: str, problems: list[Problem]) -> ColumnNames:
-    """The [columns] table; without one the names of a plain PHANToM recording. What is wrong is appended."""
+def read_columns(table: object, source: str, problems: list[Problem], servo: bool = False) -> ColumnNames:
+    """The [columns] table; without one the names of a plain PHANToM recording. What is wrong is appended.
+
+    servo: tau is made of q_ref and q.
+    """
     if table is None:
         return ColumnNames()
     where = f"{source}: [columns]"
@@ -66,9 +75,13 @@ def read_columns(table: object, source: str, problems: list[Problem]) -> ColumnN
     unknown_names(table, ROLES, where, "role", problems)
     single = {role: _name(table[role], f"{where}.{role}", problems) for role in SINGLE if role in table}
     lists = {role: _names(table[role], f"{where}.{role}", problems) for role in LISTS if role in table}
+    needed = ("q", "q_ref") if servo else ("q", "tau")
     problems += [
-        Problem(f"{where}.{role}", "the names of the columns", "nothing") for role in ("q", "tau") if role not in table
+        Problem(f"{where}.{role}", "the names of the columns", "nothing") for role in needed if role not in table
     ]
+    if servo and "tau" in table:
+        advice = "leave [servo] or tau out"
+        problems.append(Problem(f"{where}.tau", "none beside [servo], which makes it", repr(table["tau"]), advice))
     plain = ColumnNames()
     return ColumnNames(
         time=single.get("time", plain.time),
@@ -78,8 +91,10 @@ def read_columns(table: object, source: str, problems: list[Problem]) -> ColumnN
         supply=single.get("supply", ""),
         mass=single.get("mass", ""),
         length=single.get("length", ""),
+        inertia=single.get("inertia", ""),
+        angle=single.get("angle", ""),
         q=lists.get("q", plain.q),
-        tau=lists.get("tau", plain.tau),
+        tau=() if servo else lists.get("tau", plain.tau),
         dq=lists.get("dq", ()),
         ddq=lists.get("ddq", ()),
         q_ref=lists.get("q_ref", ()),

@@ -11,7 +11,9 @@ from cosim.measured import units
 from cosim.measured.columns import LISTS, ROLES, ColumnNames, frozen_map, read_columns
 from cosim.measured.device import DEVICES, AxisDevice, Device, PhantomDevice
 from cosim.measured.fields import FieldReader, is_number, unknown_names
-from cosim.measured.mounted import Mounted, read_motor, read_mounted
+from cosim.measured.gear import Gear, read_gear
+from cosim.measured.mounted import TEMPERATURE, Mounted, read_motor, read_mounted
+from cosim.measured.servo import Servo, read_servo
 from cosim.opening import read_toml
 
 KEYS = (
@@ -27,6 +29,8 @@ KEYS = (
     "units",
     "scale",
     "motor",
+    "gear",
+    "servo",
     "mounted",
 )
 Value = TypeVar("Value")
@@ -44,6 +48,8 @@ class RecordingDescription:
     coulomb_velocity: float = 0.0  # speed over which the sign of dq is known to be smooth; 0: not known
     back_emf: float = 0.0  # V s/rad, of a torque that is given as a voltage or a duty cycle
     supply: float = 0.0  # V, of a duty cycle; 0: not known, or in a column
+    gear: Gear = field(factory=Gear)
+    servo: Servo | None = None  # makes tau of q_ref and q
     mounted: Mounted = field(factory=Mounted)  # in all runs
     mounted_in: Mapping[str, Mounted] = field(factory=dict, converter=frozen_map)  # run -> what was on it
     source: str = ""
@@ -67,11 +73,26 @@ class RecordingDescription:
     @property
     def loaded(self) -> bool:
         """Whether it says what was mounted, in some run at least."""
-        return bool(self.mounted.any or self.mounted_in or self.columns.mass)
+        columns = self.columns
+        runs = any(one.any for one in self.mounted_in.values())
+        return bool(self.mounted.any or runs or columns.mass or columns.inertia)
+
+    @property
+    def warm(self) -> bool:
+        """Whether it says how warm the joint was, in some run at least."""
+        every = (self.mounted, *self.mounted_in.values())
+        return any(one.temperature is not None for one in every) and TEMPERATURE not in self.columns.other
+
+    @property
+    def other(self) -> Mapping[str, str]:
+        """Further signals of the runs with their units, a temperature that was given for a run among them."""
+        return {**self.columns.other, TEMPERATURE: "degC"} if self.warm else self.columns.other
 
     @property
     def torque_unit(self) -> str:
         """The unit of tau after reading: that of `si`, or A, V, duty or counts where no factor to it is known."""
+        if self.servo and self.servo.gain is None:
+            return self.si["q"]
         unit = self.units.get("tau", ("",))[0]
         if unit not in units.ELECTRICAL or "tau" in self.scale:
             return self.si["tau"]
@@ -79,10 +100,20 @@ class RecordingDescription:
         return "V" if known == "duty" and (self.columns.supply or self.supply) else known
 
     def factor(self, role: str, column: int) -> float:
-        """Factor from the file's number to SI: unit times scale."""
+        """Factor from the file's number to SI at the joint: unit times scale times gear."""
         unit = _of(self.units.get(role, ()), column, "")
         electrical = units.ELECTRICAL.get(unit, ("", 1.0)) if role == "tau" and role not in self.scale else ("", 1.0)
-        return units.FACTORS.get(unit, electrical)[1] * _of(self.scale.get(role, ()), column, 1.0)
+        factor = units.FACTORS.get(unit, electrical)[1] * _of(self.scale.get(role, ()), column, 1.0)
+        if role in ("q", "dq", "ddq", "q_ref"):
+            return factor * self.gear.of_position
+        return factor * self.gear.of_torque if role == "tau" and self.torque_unit == self.si["tau"] else factor
+
+    @property
+    def back_emf_at_joint(self) -> float:
+        """Unit of tau per speed of the joint that the motor's back-EMF takes from its voltage."""
+        gear = self.gear.of_torque
+        known = self.scale["tau"][0] * gear if "tau" in self.scale else 1.0
+        return self.back_emf * gear * known
 
 
 def _of(values: tuple[Value, ...], column: int, default: Value) -> Value:
@@ -101,7 +132,8 @@ def parse_description(table: Mapping[str, Any], source: str) -> RecordingDescrip
     unknown_names(table, KEYS, source, "key", problems)
     word = fields.choice("device", tuple(kind.word for kind in DEVICES), PhantomDevice.word)
     devices = {kind.word: kind.read(fields) for kind in DEVICES}  # keys of other devices are checked as well
-    columns = read_columns(table.get("columns"), source, problems)
+    servo = read_servo(table.get("servo"), source, problems)
+    columns = read_columns(table.get("columns"), source, problems, servo is not None)
     motor = read_motor(table.get("motor", {}), source, problems)
     mounted, mounted_in = read_mounted(table.get("mounted", {}), source, problems)
     result = RecordingDescription(
@@ -113,11 +145,13 @@ def parse_description(table: Mapping[str, Any], source: str) -> RecordingDescrip
         coulomb_velocity=fields.speed("coulomb_velocity"),
         back_emf=motor.get("back_emf", 0.0),
         supply=motor.get("supply", 0.0),
+        gear=read_gear(table.get("gear", {}), source, problems),
+        servo=servo,
         mounted=mounted,
         mounted_in=mounted_in,
         source=source,
     )
-    problems += result.device.problems(columns, fields) + _unit_problems(result) + _mixed(result) + _loaded(result)
+    problems += result.device.problems(columns, fields) + _unit_problems(result) + _mixed(result) + _for_axis(result)
     if problems:
         raise InputError(problems)
     return result
@@ -133,12 +167,13 @@ def _mixed(description: RecordingDescription) -> list[Problem]:
     return [Problem(where, "one unit for all joints, or a [scale].tau", ", ".join(sorted(given)))]
 
 
-def _loaded(description: RecordingDescription) -> list[Problem]:
-    """What is mounted enters the model of an axis alone."""
-    if not description.loaded or isinstance(description.device, AxisDevice):
+def _for_axis(description: RecordingDescription) -> list[Problem]:
+    """What is mounted, and a servo, enter the model of an axis alone."""
+    if isinstance(description.device, AxisDevice):
         return []
-    got = f"device {description.device.word!r}"
-    return [Problem(f"{description.source}: [mounted]", f"device {AxisDevice.word!r}, where it enters the model", got)]
+    given = {"mounted": description.loaded, "servo": description.servo is not None}
+    got, expected = f"device {description.device.word!r}", f"device {AxisDevice.word!r}, where it enters the model"
+    return [Problem(f"{description.source}: [{key}]", expected, got) for key, there in given.items() if there]
 
 
 def _units(

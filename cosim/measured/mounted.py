@@ -14,27 +14,35 @@ from cosim.measured.fields import is_number, unknown_names
 @frozen
 class Mounted:
     """mass [kg] at `length` [m] from the axis, inertia [kg m^2] beside mass length^2, angle [rad]: q where it hangs
-    straight down.
+    straight down; temperature [degC] of the run.
     """
 
     mass: float = 0.0
     length: float = 0.0
     inertia: float = 0.0
     angle: float = 0.0
+    temperature: float | None = None
 
     @property
     def any(self) -> bool:
         """Whether something is mounted."""
         return bool(self.mass * self.length or self.inertia)
 
-    def load(self, mass: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Inertia [kg m^2], m l cos(angle) and m l sin(angle) [kg m] of masses at lengths (n,): (n, 3)."""
-        moment = mass * length
-        inertia = moment * length + self.inertia
-        return np.stack([inertia, moment * np.cos(self.angle), moment * np.sin(self.angle)], axis=1)
+    def load(self, recorded: Mapping[str, np.ndarray], rows: int) -> np.ndarray:
+        """Inertia [kg m^2], m l cos(angle) and m l sin(angle) [kg m] in each row, (rows, 3).
+
+        recorded: columns (rows,) of the keys that the recording has; the others are what was described.
+        """
+        of = {name: recorded.get(name, np.full(rows, getattr(self, name))) for name in RECORDED}
+        moment = of["mass"] * of["length"]
+        inertia = moment * of["length"] + of["inertia"]
+        return np.stack([inertia, moment * np.cos(of["angle"]), moment * np.sin(of["angle"])], axis=1)
 
 
 MOTOR = ("back_emf", "supply")
+RECORDED = ("mass", "length", "inertia", "angle")
+SIGNED = ("angle", "temperature")
+TEMPERATURE = "temperature"
 NAMES = tuple(one.name for one in fields(Mounted))
 
 
@@ -58,8 +66,8 @@ def _numbers(keys: Mapping[str, object], where: str, problems: list[Problem]) ->
     found = {}
     for name in (name for name in NAMES if name in keys):
         value = keys[name]
-        if not is_number(value) or (name != "angle" and value < 0):
-            problems.append(Problem(f"{where}.{name}", "a number" if name == "angle" else "0 or more", repr(value)))
+        if not is_number(value) or (name not in SIGNED and value < 0):
+            problems.append(Problem(f"{where}.{name}", "a number" if name in SIGNED else "0 or more", repr(value)))
         else:
             found[name] = float(value)
     return found

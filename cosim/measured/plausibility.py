@@ -23,6 +23,8 @@ def swapped(recording: Recording) -> list[Doubt]:
     Roughness is rms(second difference) / rms(deviation from the mean), which integration lowers at every frequency.
     """
     names = recording.description.columns
+    if not names.tau:
+        return []
     run = max(recording.runs, key=len)
     doubtful = []
     for joint, label in enumerate(recording.joints):
@@ -105,14 +107,14 @@ def drifting(recording: Recording) -> list[Doubt]:
     """Temperatures that change by WARMER, supplies that change by SUPPLY of themselves, from medians of tenths."""
     doubtful = []
     duty = "duty" in recording.description.units.get("tau", ())
-    for name, unit in recording.description.columns.other.items():
+    for name, unit in recording.description.other.items():
         tenths = [
             float(np.median(part))
             for run in recording.runs
             for part in np.array_split(run.other[name], 10)
-            if len(part)
+            if len(part) and np.isfinite(part).all()
         ]
-        low, high = min(tenths), max(tenths)
+        low, high = min(tenths, default=0.0), max(tenths, default=0.0)
         if unit in KELVINS and high - low > WARMER:
             text = f"{name} goes from {low:.3g} to {high:.3g} {unit}: friction changes by a percent or more per kelvin"
             doubtful.append(Doubt.of("temperature", f"{text}; its intervals hold what it changes with {name}"))

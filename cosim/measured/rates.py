@@ -42,7 +42,7 @@ def resampled(run: Run, step: float) -> Run:
         columns = [np.interp(grid, run.time, column) for column in x.reshape(len(run), -1).T]
         return np.stack(columns, axis=1).reshape(len(grid), *x.shape[1:])
 
-    given = ("tau", "dq", "ddq", "force", "regressor", "rigid", "load")
+    given = ("tau", "dq", "ddq", "force", "regressor", "rigid", "load", "servo")
     lines = {name: line(x) for name in given if (x := getattr(run, name)) is not None}
     return evolve(
         run,

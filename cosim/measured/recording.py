@@ -17,7 +17,8 @@ class Run:
     time (n,) [s]; q, tau, dq, ddq, q_ref (n, nj) [SI of the description]; force (n, 3) [N], tip, base frame;
     regressor (n, p) and rigid (n,): recorded columns and torque of the rigid body; test (n,) marks the held-out rows.
     clipped (n, nj): torques at the end of their range, which no model can be fitted to; load (n, 3): known
-    inertia [kg m^2] and m l cos, m l sin [kg m] of what was mounted. None: not recorded, or none.
+    inertia [kg m^2] and m l cos, m l sin [kg m] of what was mounted; servo (n, nj): what a radian of its dead band
+    takes from tau. None: not recorded, or none.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Run:
     other: Mapping[str, np.ndarray] = field(factory=dict)
     clipped: np.ndarray | None = None
     load: np.ndarray | None = None
+    servo: np.ndarray | None = None
 
     @property
     def step(self) -> float:

@@ -4,7 +4,15 @@ from collections.abc import Mapping
 
 from attrs import frozen
 
+from cosim.measured.columns import SINGLE
+
 PAGE = "cosim/measured/README.md"
+SERVO = (
+    "# [servo]  # axis: a position servo, with q_ref and without tau: tau = gain (e - dead_band sgn(e)), e = q_ref - q",
+    "# gain = 1.0  # unit of tau per rad; without it parameters carry rad of the error for N.m",
+    "# dead_band = 0.0  # rad; without it it is fitted along",
+    "# limit = 1.0  # rad of error from which on its output is at its end: those rows are left out",
+)
 
 
 @frozen
@@ -53,11 +61,13 @@ def _columns(draft: Draft) -> list[str]:
         "split": '"train" or "test" in each row (optional)',
         "mass": "kg that is mounted, beside length (optional)",
         "length": "m from the axis to the mounted mass (optional)",
+        "inertia": "kg m^2 that is mounted, beside mass length^2 (optional)",
+        "angle": "rad: q at which the mounted mass hangs straight down (optional)",
     }
     lines = ["[columns]"]
     for role, words in explained.items():
         names = draft.columns.get(role, ())
-        if role in ("time", "run", "split", "supply", "mass", "length"):
+        if role in SINGLE:
             value = f"{role} = {quoted(names[0] if names else role)}"
         else:
             value = f"{role} = [{', '.join(map(quoted, names or (role,)))}]"
@@ -89,17 +99,25 @@ def _rest() -> list[str]:
     return [
         "[scale]  # factors beside the units: a torque constant [N.m/A], a sign",
         _line("tau = 1.0", "SI per number in the file", False),
-        _line("q = 1.0", "for an encoder on the motor's side of a gear: 1 / ratio", False),
+        _line("q = 1.0", "SI per number in the file", False),
         "",
         "[motor]  # for tau in V or duty",
         _line("supply = 12.0", "V: tau is a duty cycle of it (or [columns] supply, where it was recorded)", False),
         _line("back_emf = 0.0", "V s/rad: tau is U - back_emf dq; without it `viscous` holds the back-EMF", False),
+        "",
+        "[gear]  # between the motor and the joint",
+        _line("ratio = 1.0", "turns of the motor for one of the joint; negative: the joint turns the other way", False),
+        _line('encoder = "joint"', 'the side of q: "joint" or "motor"', False),
+        _line('torque = "joint"', 'the side of tau, of the torque constant and of back_emf: "joint" or "motor"', False),
+        "",
+        *(line for line in SERVO),
         "",
         "[mounted]  # axis: what was on the joint, in all runs; [mounted.NAME] for the run NAME; also as columns",
         _line("mass = 0.0", "kg", False),
         _line("length = 0.0", "m from the axis to the mass", False),
         _line("inertia = 0.0", "kg m^2 about the axis, beside mass length^2", False),
         _line("angle = 0.0", "rad: q at which the mass hangs straight down", False),
+        _line("temperature = 20.0", "degC of the run", False),
     ]
 
 

@@ -78,6 +78,100 @@ def test_known_masses_leave_the_parameters_of_the_bare_joint(tmp_path):
     assert abs(found["gravity_sin"]["value"]) < 0.005 and "load" not in found  # heavy: m g l = 0.98 N m
 
 
+GAIN, BAND = 6.0, 0.012  # N m/rad, rad
+
+
+def servo_set(path, extra=""):
+    """A set of the loads on a position servo: tau = GAIN (e - BAND sgn(e)), so that e = tau / GAIN + BAND sgn(tau)."""
+    rows = []
+    for k, (name, (mass, length)) in enumerate(LOADS.items()):
+        t, q, _, torque = swing(k, mass, length)
+        count = 2 * np.pi / 16384
+        measured = np.round(q / count) * count
+        goal = measured + torque / GAIN + BAND * np.sign(torque)
+        rows += [f"{name},{a:.6f},{b:.9g},{c:.9g}" for a, b, c in zip(t, measured, goal, strict=True)]
+    path.write_text("\n".join(["run,t,q,goal", *rows]))
+    mounted = "".join(f"[mounted.{name}]\nmass = {m}\nlength = {length}\n" for name, (m, length) in LOADS.items())
+    columns = '[columns]\ntime = "t"\nq = ["q"]\nq_ref = ["goal"]\nrun = "run"\n'
+    return f'device = "axis"\ngravity = true\n{columns}[servo]\n{extra}{mounted}'
+
+
+def test_a_position_servo_of_unknown_gain_and_dead_band_gives_both(tmp_path):
+    found, warnings = parameters(tmp_path / "servo.csv", servo_set(tmp_path / "servo.csv"))
+    assert found["load"]["unit"] == "rad/(N.m)" and 1 / found["load"]["value"] == pytest.approx(GAIN, rel=0.01)
+    assert found["dead_band"]["unit"] == "rad" and found["dead_band"]["value"] == pytest.approx(BAND, rel=0.1)
+    for name, value in (("inertia", J), ("viscous", B), ("coulomb", C)):
+        low, high = (GAIN * edge for edge in found[name]["interval"])
+        assert low - 0.03 * value <= value <= high + 0.03 * value, name
+    assert any("the servo's gain is not known" in text for text in warnings)
+
+
+def test_a_position_servo_with_its_gain_and_dead_band_gives_si(tmp_path):
+    text = servo_set(tmp_path / "servo.csv", f"gain = {GAIN}\ndead_band = {BAND}\n")
+    found, _ = parameters(tmp_path / "servo.csv", text)
+    assert "load" not in found and "dead_band" not in found and found["inertia"]["unit"] == "kg.m2"
+    assert found["inertia"]["value"] == pytest.approx(J, rel=0.03)
+    assert found["coulomb"]["value"] == pytest.approx(C, rel=0.03)
+
+
+def test_errors_beyond_the_limit_of_a_servo_are_left_out(tmp_path):
+    text = servo_set(tmp_path / "servo.csv", f"gain = {GAIN}\ndead_band = {BAND}\nlimit = 0.1\n")
+    (tmp_path / "servo.toml").write_text(text)
+    data = cosim.read(tmp_path / "servo.csv")
+    heavy = data.runs[-1]
+    assert np.array_equal(heavy.clipped, np.abs(heavy.q_ref - heavy.q) >= 0.1) and heavy.clipped.any()
+
+
+def test_signals_of_the_motors_side_of_a_gear_give_the_joint(tmp_path):
+    """An encoder and a torque sensor before a gear that turns the other way."""
+    ratio = -50.0
+    t, q, _, torque = swing(0, 0.0, 0.0)
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.c_[t, ratio * q, torque / ratio], "%.9g", ",", header="t,q,u", comments="")
+    found, _ = parameters(path, head() + f'[gear]\nratio = {ratio}\nencoder = "motor"\ntorque = "motor"\n')
+    assert found["inertia"]["value"] == pytest.approx(J, rel=0.02) and found["inertia"]["unit"] == "kg.m2"
+    assert found["coulomb"]["value"] == pytest.approx(C, rel=0.02)
+
+
+def test_the_back_emf_of_a_motor_before_a_gear(tmp_path):
+    """U = R/kt tau/ratio + ke ratio dq with the motor's own constants; [scale] tau = kt/R makes N m of volts."""
+    ratio, kt = 50.0, KT / 50
+    t, q, dq, torque = swing(0, 0.0, 0.0)
+    path = tmp_path / "a.csv"
+    volts = R / kt * torque / ratio + kt * ratio * dq
+    np.savetxt(path, np.c_[t, q, volts], "%.9g", ",", header="t,q,u", comments="")
+    text = f'[units]\ntau = "V"\n[scale]\ntau = {kt / R}\n[motor]\nback_emf = {kt}\n'
+    found, _ = parameters(path, head() + text + f'[gear]\nratio = {ratio}\ntorque = "motor"\n')
+    assert found["inertia"]["value"] == pytest.approx(J, rel=0.02)
+    assert found["viscous"]["value"] == pytest.approx(B, rel=0.1)
+
+
+def test_inertia_and_mounting_as_columns_and_temperature_as_a_key(tmp_path):
+    """A wheel without an arm, a bar that hangs to the side; viscous friction falls by 1 % per kelvin."""
+    runs = {"wheel": (0.004, 0.0, 0.0, 20.0), "side": (0.01, 0.3, 0.7, 45.0)}  # kg m^2, kg m, rad, degC
+    rows, keys = [], ""
+    for k, (name, (inertia, moment, angle, warm)) in enumerate(runs.items()):
+        t, q, dq, torque = swing(k, 0.0, 0.0)
+        ddq = np.gradient(dq, t)
+        friction = -0.01 * (warm - 32.5) * B * dq
+        tau = torque + friction + (inertia + moment * 0.1) * ddq + moment * G * np.sin(q - angle)
+        rows += [
+            f"{name},{a:.6f},{b:.9g},{c:.9g},{moment / 0.1},0.1,{inertia},{angle}"
+            for a, b, c in zip(t, q, tau, strict=True)
+        ]
+        keys += f"[mounted.{name}]\ntemperature = {warm}\n"
+    (tmp_path / "set.csv").write_text("\n".join(["run,t,q,u,m,l,i,a", *rows]))
+    columns = 'run = "run"\nmass = "m"\nlength = "l"\ninertia = "i"\nangle = "a"\n'
+    (tmp_path / "set.toml").write_text(head("gravity = true\n") + columns + keys)
+    result = cosim.identify(tmp_path / "set.csv").to_dict()
+    found = {p["name"]: p for p in result["parameters"]}
+    assert found["inertia"]["value"] == pytest.approx(J, rel=0.05)
+    assert abs(found["gravity_sin"]["value"]) < 0.01 and abs(found["gravity_cos"]["value"]) < 0.01
+    assert ["temperature", "in the interval"] in [[d["kind"], d["done"]] for d in result["doubts"]]
+    low, high = found["viscous"]["interval"]
+    assert low < B * (1 - 0.01 * 12.5) and high > B * (1 + 0.01 * 12.5)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -85,6 +179,10 @@ def test_known_masses_leave_the_parameters_of_the_bare_joint(tmp_path):
         ("[mounted.a]\nmass = -1.0\n", "0 or more"),
         ("[motor]\nback_emf = true\n", "0 or more"),
         ("[motor]\nke = 1.0\n", "known: back_emf"),
+        ("[gear]\nratio = 0\n", "a number other than 0"),
+        ('[gear]\nencoder = "output"\n', "joint or motor"),
+        ("[servo]\ngain = 2.0\n", "none beside [servo]"),
+        ("[servo]\nkp = 2.0\n", "known: gain"),
     ],
 )
 def test_bad_keys_are_named(tmp_path, text, words):

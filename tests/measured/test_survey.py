@@ -54,14 +54,21 @@ def test_a_file_that_its_guesses_do_not_fit_is_told_not_refused(tmp_path):
     assert found.recording is None and "the columns" in str(found) and found.to_dict()["problems"]
 
 
-def test_every_line_that_is_commented_out_is_a_key_that_descriptions_have():
-    """The template with all its comments taken away parses, so that no key in it is misspelt."""
+@pytest.mark.parametrize("servo", [False, True])
+def test_every_line_that_is_commented_out_is_a_key_that_descriptions_have(servo):
+    """The template with all its comments taken away parses, so that no key in it is misspelt: a servo has no tau."""
     columns = {role: (role,) for role in ("time", "q", "tau", "dq", "ddq", "q_ref", "run", "split", "supply")}
     draft = text(Draft("axis", columns, {"tau": "duty"}, {}, "x.csv"))
-    keys = [line.removeprefix("# ") for line in draft.splitlines() if " = " in line or line.startswith("[")]
-    lines = [line for line in keys if not line.startswith(("configuration", "parameters", "What"))]
-    description = parse_description(tomllib.loads("\n".join(lines)), "template")
+    keys = [line.removeprefix("# ") for line in draft.splitlines() if " = " in line or line.startswith(("[", "# ["))]
+    of_servo = keys.index(next(line for line in keys if line.startswith("[servo]")))
+    end = keys.index(next(line for line in keys if line.startswith("[mounted]")))
+    keys = keys if servo else keys[:of_servo] + keys[end:]
+    without = ("configuration", "parameters", "What", *(("tau = [",) if servo else ()))
+    description = parse_description(
+        tomllib.loads("\n".join(line for line in keys if not line.startswith(without))), "template"
+    )
     assert description.columns.mass == "mass" and description.supply == 12.0 and description.torque_unit == "N.m"
+    assert (description.servo is not None) == servo and description.mounted.temperature == 20.0
 
 
 def test_the_command_prints_what_comes_next(table, tmp_path, capsys):

@@ -60,7 +60,8 @@ def _parameters(found: Identification, paper: Identification) -> Section:
         f"({found.spread.blocks} blocks). The white-noise figure is what least "
         "squares gives by itself; it is shown to be compared, not to be used."
     )
-    return Section("Parameters", text, [Table(header, rows)], [plots.intervals(found)])
+    given = any(np.isfinite(p.std) for p in found.parameters)
+    return Section("Parameters", text, [Table(header, rows)], [plots.intervals(found)] if given else [])
 
 
 def _errors(found: Identification, paper: Identification, idim: Idim | None) -> Section:

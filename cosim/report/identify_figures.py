@@ -98,4 +98,4 @@ def _shown(found: Identification) -> np.ndarray:
 
 
 def _unit(found: Identification) -> str:
-    return "N" if found.recording.description.prismatic else "N m"
+    return found.recording.description.torque_unit.replace(".", " ")

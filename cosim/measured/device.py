@@ -64,14 +64,16 @@ class Device(ABC):
 
     def problems(self, columns: ColumnNames, fields: FieldReader) -> list[Problem]:
         """What is missing from, or contradictory in, a description of this device."""
-        return [*self._miscounted(columns, fields.source), *self._declared(fields)]
+        return [*self._miscounted(columns, fields), *self._declared(fields)]
 
-    def _miscounted(self, columns: ColumnNames, source: str) -> list[Problem]:
+    def _miscounted(self, columns: ColumnNames, fields: FieldReader) -> list[Problem]:
         expected = f"{len(self.joints)} column(s) for device {self.word!r}"
+        given = fields.table.get("columns")
+        missing = {"q", "tau"} - set(given) if isinstance(given, dict) else set()  # told by themselves
         return [
-            Problem(f"{source}: [columns].{role}", expected, str(len(names)))
+            Problem(f"{fields.source}: [columns].{role}", expected, str(len(names)))
             for role in ("q", "tau", "dq", "ddq", "q_ref")
-            if (names := columns.of_role(role)) and len(names) != len(self.joints)
+            if (names := columns.of_role(role)) and len(names) != len(self.joints) and role not in missing
         ]
 
     def _declared(self, fields: FieldReader) -> list[Problem]:

@@ -12,19 +12,29 @@ from cosim.measured.table import RawTable
 
 # Role -> what its columns are called, in lower case without indices and units; the first role that fits is taken.
 NAMES: Mapping[str, str] = {
-    "time": r"t|time|stamp|timestamp|header\.stamp|%time|zeit|seconds|elapsed",
+    "time": r"t|time|stamp|timestamp|header\.stamp|%time|zeit|seconds|elapsed|x_value",
     "run": r"run|trial|episode|experiment|episode_index",
     "split": r"split|fold",
-    "q_ref": r".*(ref|des|desired|cmd|target|setpoint|goal).*",
+    "q_ref": r".*(ref|des|desired|cmd|target|setpoint|goal).*|action",
     "ddq": r"ddq|qdd|acc|acceleration",
     "dq": r"dq|qd|qdot|q_dot|vel|velocity|speed|omega|dtheta",
-    "tau": r"tau|torque|effort|force|f|current|i|curr|moment|duty|pwm|voltage|u|motor_torque|trq",
-    "q": r"q|pos|position|angle|theta|joint|joint_pos|x|phi|encoder",
+    "tau": r"tau|torque|effort|force|f|current|i|curr|moment|duty|pwm|voltage|u|motor_torque|trq|moment|strom|spannung",
+    "q": r"q|pos|position|angle|theta|joint|joint_pos|x|phi|encoder|winkel|observation\.state",
     "supply": r"supply|battery|vbus|vbat|u_supply",
     "temperature": r"temp|temperature|t_motor|motor_temp",
 }
 ENDING = re.compile(r"[_\[( ]+(?P<unit>[A-Za-z%°][A-Za-z0-9/*.^²° _]*?)[\])]?$")
-ELECTRICAL = {"current": "A", "curr": "A", "i": "A", "duty": "duty", "pwm": "duty", "voltage": "V", "u": "V"}
+ELECTRICAL = {
+    "current": "A",
+    "curr": "A",
+    "i": "A",
+    "duty": "duty",
+    "pwm": "duty",
+    "voltage": "V",
+    "u": "V",
+    "strom": "A",
+}
+ROLE_OF_UNIT = {"s": "time", "rad": "q", "rad/s": "dq", "rad/s^2": "ddq", "N.m": "tau"}  # where no name says it
 TURNS = 2.0  # that a joint swings over in radians; more are degrees
 
 
@@ -50,8 +60,8 @@ def guessed(table: RawTable) -> tuple[ColumnGuess, ...]:
 def _guess(table: RawTable, name: str) -> ColumnGuess:
     values = np.asarray(table.columns[name])
     stem, ending = _parts(name)
-    role = next((role for role, pattern in NAMES.items() if re.fullmatch(pattern, stem)), "")
     told = units.spelled(table.units.get(name, ""))
+    role = _role(stem) or ROLE_OF_UNIT.get(units.FACTORS.get(told or ending, ("",))[0], "")
     if values.dtype.kind in "Mm":
         return ColumnGuess(name, "dates", len(values), None, None, "time" if role == "time" else "", "", "dates")
     if values.dtype.kind not in "fiub":
@@ -64,6 +74,12 @@ def _guess(table: RawTable, name: str) -> ColumnGuess:
     return ColumnGuess(name, "numbers", len(values), low, high, role, unit, why)
 
 
+def _role(stem: str) -> str:
+    """The role whose names the stem is one of, or its last word: `motor_current`."""
+    words = (stem, re.split(r"[_ ]", stem)[-1])
+    return next((role for word in words for role, pattern in NAMES.items() if re.fullmatch(pattern, word)), "")
+
+
 def _parts(name: str) -> tuple[str, str]:
     """The name in lower case without path, index and unit; and the unit in it, where it is a known one."""
     plain = re.sub(r"\[\d+\]$", "", name).rsplit("/", 1)[-1]
@@ -73,7 +89,7 @@ def _parts(name: str) -> tuple[str, str]:
     known = found and units.known(rad) and found.start() > 0
     stem = plain[: found.start()] if found and known else plain
     stem = re.sub(r"_?\d+$", "", stem.strip().lower())
-    return stem if stem == "header.stamp" else stem.rsplit(".", 1)[-1], rad if known else ""
+    return stem if stem in ("header.stamp", "observation.state") else stem.rsplit(".", 1)[-1], rad if known else ""
 
 
 def _by_values(role: str, stem: str, values: np.ndarray) -> tuple[str, str]:
@@ -87,6 +103,7 @@ def _by_values(role: str, stem: str, values: np.ndarray) -> tuple[str, str]:
         if span > TURNS * 2 * np.pi:
             return "deg", f"it spans {span:.4g}, which would be {span / (2 * np.pi):.3g} turns in rad"
         return "rad", f"it spans {span:.4g}, less than {TURNS:g} turns"
-    if role == "tau" and stem in ELECTRICAL:
-        return ELECTRICAL[stem], "the name says so"
+    word = next((word for word in (stem, re.split(r"[_ ]", stem)[-1]) if word in ELECTRICAL), "")
+    if role == "tau" and word:
+        return ELECTRICAL[word], "the name says so"
     return "", ""

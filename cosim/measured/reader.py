@@ -190,6 +190,8 @@ def _numbers(table: RawTable, name: str, column: np.ndarray, problems: list[Prob
             values[row] = float(text) if text.strip() else np.nan
         except ValueError:
             advice = "a decimal comma? write a point" if "," in text else "remove the row or leave the cell empty"
+            if text.lstrip().startswith("["):
+                advice = "a list in one cell: write a column for each of its elements"
             problems.append(Problem(f"{where}, row {row + 1}", "a number", repr(str(text)), advice))
             return values
     return values

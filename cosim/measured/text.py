@@ -127,7 +127,7 @@ def _types(layout: TextLayout) -> list[str]:
     """What each column holds by the first rows: whole numbers stay whole only where a float would round them."""
     kinds = []
     for k in range(len(layout.names)):
-        cells = [row[k] for row in layout.sample if row[k]]
+        cells = [row[k] for row in layout.sample if row[k] not in EMPTY]
         if cells and all(is_date(cell) for cell in cells):
             kinds.append(_date(cells))
         elif all(is_number(cell, layout.decimal) for cell in cells):

@@ -5,6 +5,7 @@ import pytest
 
 import cosim
 from cosim.errors import InputError
+from tests.support.axis_rig import AxisLog, recorded
 
 TRUTH = {"inertia": 0.8, "viscous": 1.1, "coulomb": 0.6, "offset": 0.05}
 
@@ -98,3 +99,47 @@ def test_cases_that_were_read_into_false_intervals_are_doubted_and_repaired(case
         low, high = found[parameter]["interval"]
         assert low - (high - low) / 2 <= value <= high + (high - low) / 2, parameter
     assert found["inertia"]["value"] == pytest.approx(0.8, rel=0.01)
+
+
+DRAFTED = [name for name, *_ in (*READ, *DOUBTED)]
+
+
+@pytest.mark.parametrize("name", DRAFTED)
+def test_the_description_that_cosim_data_drafts_is_taken_as_it_is(cases, tmp_path, name):
+    """From the file alone, without the description beside it: inertia as with that."""
+    path = tmp_path / name.rpartition("/")[2]
+    path.write_bytes((cases / "recordings" / name).read_bytes())
+    found = cosim.data(path)
+    assert found.recording is not None, found.to_dict()["problems"]
+    found.save(tmp_path / "out")
+    result = cosim.identify(path, description=tmp_path / "out/description.toml").to_dict()
+    inertia = next(p for p in result["parameters"] if p["name"] == "inertia")
+    assert inertia["value"] == pytest.approx(0.8, rel=0.02) and inertia["unit"] == "kg.m2"
+
+
+def test_a_torque_that_is_cut_at_the_tenth_of_its_rows(cases, tmp_path):
+    """The variant of case 07 that is not in the folder: +-19.9 N m in 10 % of the rows."""
+    table = recorded(4, size=1.7)
+    limit = float(np.quantile(np.abs(table.tau), 0.9))
+    path = AxisLog(table.t, table.q, np.clip(table.tau, -limit, limit), table.rng).write(tmp_path / "a.csv")
+    result = cosim.identify(path).to_dict()
+    (doubt,) = [doubt for doubt in result["doubts"] if doubt["kind"] == "clipped"]
+    assert doubt["done"] == "rows left out" and doubt["count"] == pytest.approx(0.1 * len(table.t), rel=0.02)
+    for p in result["parameters"]:
+        low, high = p["interval"]
+        assert p["name"] == "slow" or low - (high - low) / 2 <= TRUTH[p["name"]] <= high + (high - low) / 2
+
+
+def test_three_single_spikes_of_3_and_6_rad_and_codes_in_the_torque(tmp_path):
+    """Variants of case 05 that are not in the folder."""
+    table = recorded(5)
+    q, tau = table.q.copy(), table.tau.copy()
+    q[[1000, 5000, 9000]] += [3.0, -6.0, 6.0]
+    tau[[2000, 6000, 8000]] = -9999.0
+    result = cosim.identify(AxisLog(table.t, q, tau, table.rng).write(tmp_path / "a.csv")).to_dict()
+    kinds = {doubt["kind"]: doubt["rows"] for doubt in result["doubts"]}
+    assert kinds["jump"] == [1001, 5001, 9001] and kinds["sentinel"] == [2001, 6001, 8001]
+    assert "wrap" not in kinds
+    for p in result["parameters"]:
+        low, high = p["interval"]
+        assert p["name"] == "slow" or low - (high - low) / 2 <= TRUTH[p["name"]] <= high + (high - low) / 2

@@ -48,6 +48,36 @@ def test_the_description_is_taken_by_identify_and_never_overwritten(table, tmp_p
     assert path.read_text() == "# mine\n" and json.loads((tmp_path / "data.json").read_text())["runs"]
 
 
+def rows(*columns):
+    return "".join(",".join(map(str, row)) + "\n" for row in zip(*columns, strict=True))
+
+
+def test_a_name_in_another_language_is_told_by_its_unit_and_a_long_one_by_its_last_word(tmp_path):
+    t = [f"{k / 500:.3f}" for k in range(500)]
+    values = [f"{(k % 101) / 7:.6f}" for k in range(500)]
+    (tmp_path / "a.csv").write_text("X_Value,Stelling [deg],motor_current\n" + rows(t, values, values[::-1]))
+    found = cosim.data(tmp_path / "a.csv")
+    roles = {column["name"]: (column["role"], column["unit"]) for column in found.to_dict()["columns"]}
+    assert roles == {"X_Value": ("time", "s"), "Stelling [deg]": ("q", "deg"), "motor_current": ("tau", "A")}
+    assert found.recording is not None and found.recording.description.torque_unit == "A"
+
+
+def test_columns_beside_those_that_are_described_are_named(tmp_path):
+    """Of two robots in one file neither is taken in silence."""
+    t = [f"{k / 500:.3f}" for k in range(500)]
+    a, b = ([f"{(k % n) / 7:.6f}" for k in range(500)] for n in (101, 97))
+    (tmp_path / "a.csv").write_text("t,left.q,right.q,left.tau,right.tau\n" + rows(t, a, b, b, a))
+    found = cosim.data(tmp_path / "a.csv")
+    assert "not described: right.q look like q as well; described is left.q" in str(found)
+    assert len(found.to_dict()["not_described"]) == 2
+
+
+def test_what_no_column_is_found_for_is_one_problem(tmp_path):
+    (tmp_path / "a.csv").write_text("t,u1,tau\n" + "".join(f"{k / 500:.3f},{k % 7},{k % 9}\n" for k in range(500)))
+    (problem,) = cosim.data(tmp_path / "a.csv").to_dict()["problems"]
+    assert "[columns].q: expected the names of the columns" in problem
+
+
 def test_a_file_that_its_guesses_do_not_fit_is_told_not_refused(tmp_path):
     (tmp_path / "x.csv").write_text("a,b\n" + "\n".join(f"{k},{k}" for k in range(100)))
     found = cosim.data(tmp_path / "x.csv")

@@ -127,6 +127,20 @@ def test_blanks_before_between_and_after(tmp_path):
     check(path)
 
 
+def test_cells_that_say_that_there_is_no_value_are_missing_values(tmp_path):
+    cells = [["NA", "#N/A", "null", ""][k] if k < 4 else f"{np.sin(k / 30):.7f}" for k in range(600)]
+    (tmp_path / "a.csv").write_text("t,q,tau\n" + "".join(f"{k / 500:.3f},{c},{k % 7}\n" for k, c in enumerate(cells)))
+    values = read_table(tmp_path / "a.csv").columns["q"]
+    assert values.dtype == float and np.isnan(values[:4]).all() and np.isfinite(values[4:]).all()
+
+
+def test_a_list_in_a_cell_is_told_with_the_way_out(tmp_path):
+    (tmp_path / "a.csv").write_text("time,q,tau\n" + "".join(f'{k / 500},"[0.1, 0.2]",1.0\n' for k in range(600)))
+    table = {"device": "axis", "columns": {"time": "time", "q": "q", "tau": "tau"}}
+    with pytest.raises(InputError, match="a list in one cell: write a column for each of its elements"):
+        read([tmp_path / "a.csv"], description=parse_description(table, "d"))
+
+
 def test_text_that_comes_late_spoils_only_its_own_column(tmp_path):
     rows = [f"{line},{k}" for k, line in enumerate(lines())]
     rows[250] = rows[250].rpartition(",")[0] + ",overflow"

@@ -40,7 +40,8 @@ def doubted(fit: Fit) -> Doubted:
     lag, late = _late(fit)
     bend, bent = _bent(fit)
     clipped = any(run.clipped is not None for run in fit.recording.runs)
-    parts = [lag, bend, _warmer(fit), _noise(fit) if clipped else np.zeros(len(lag))]
+    uneven = any(doubt.kind == "uneven stamps" for doubt in fit.recording.doubts)
+    parts = [lag, bend, _warmer(fit), _noise(fit) if clipped or uneven else np.zeros(len(lag))]
     half = _repeats(fit) * fit.spread.half_width + np.sum(parts, axis=0)
     kinds: dict[Label, tuple[str, ...]] = {}
     for doubt in fit.recording.doubts:
@@ -143,7 +144,8 @@ def _at_rows(fit: Fit, name: str) -> np.ndarray:
 
 def _noise(fit: Fit) -> np.ndarray:
     """What the noise of q in the columns makes of the parameters (p,), by adding as much again (SIMEX, Cook and
-    Stefanski 1994): errors in variables make inertias too small where few fast rows are left.
+    Stefanski 1994): errors in variables make inertias too small where few fast rows are left, or where splines through
+    uneven stamps enlarge the noise.
     """
     rng = np.random.default_rng(0)
     found = [fit.otherwise(_noisier(fit.recording, rng)) for _ in range(REPLICATES)]

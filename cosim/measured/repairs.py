@@ -190,7 +190,7 @@ def _unwrapped(stretch: Stretch, note: Notes) -> Stretch:
 def _even(stretch: Stretch, note: Notes) -> Stretch:
     """Onto an even time grid: stamps within JITTER of one are replaced by it, others are resampled.
 
-    Positions by monotone cubic interpolation (PCHIP), all else linear; no low-pass, no delay.
+    Positions and torques by cubic splines, all else linear; no low-pass, no delay.
     """
     n = len(stretch.time)
     if n < SHORTEST:
@@ -205,7 +205,7 @@ def _even(stretch: Stretch, note: Notes) -> Stretch:
     steps = np.diff(stretch.time)
     note(
         f"{stretch.name}: non-uniform time stamps (steps {steps.min():.4g} to {steps.max():.4g} s) resampled to "
-        f"{step:.6g} s, positions by monotone cubic, other signals by linear interpolation",
+        f"{step:.6g} s, positions and torques by cubic splines, other signals by linear interpolation",
         "uneven stamps",
         stretch.numbers(np.arange(n)),
     )
@@ -214,15 +214,14 @@ def _even(stretch: Stretch, note: Notes) -> Stretch:
 
 
 def _resampled(stretch: Stretch, grid: np.ndarray) -> np.ndarray:
-    from scipy.interpolate import PchipInterpolator
+    """Signals on the grid: both sides of the equation of motion by one operator, cubic splines; all else by lines."""
+    from scipy.interpolate import CubicSpline
 
     columns = []
     for column in range(stretch.signals.shape[1]):
         values = stretch.signals[:, column]
-        smooth = column in stretch.positions
-        columns.append(
-            PchipInterpolator(stretch.time, values)(grid) if smooth else np.interp(grid, stretch.time, values)
-        )
+        smooth = column in stretch.positions or column in stretch.torques
+        columns.append(CubicSpline(stretch.time, values)(grid) if smooth else np.interp(grid, stretch.time, values))
     return np.column_stack(columns)
 
 

@@ -199,7 +199,7 @@ def test_gap_splits_the_run(tmp_path):
 def test_lost_samples_are_resampled(tmp_path):
     table = np.delete(arm_columns(), [500, 501, 1200], axis=0)
     recording = read([write(tmp_path / "a.csv", table)])
-    warned(recording, "non-uniform time stamps", "monotone cubic")
+    warned(recording, "non-uniform time stamps", "cubic splines")
     # PCHIP over a gap of 3 ms of a 2 rad/s sine of 0.3 rad: error below h^2 q'' / 8 = 1.4e-6 rad
     assert len(recording.runs[0]) == 2000 and np.abs(recording.runs[0].q - arm_columns()[:, 1:4]).max() < 1.5e-6
 

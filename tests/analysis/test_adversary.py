@@ -71,7 +71,7 @@ def test_search_finds_the_held_peak():
     assert law is not None and law.growth_rate > 0.0
     bounds = np.arange(0.370, 0.400, STEP)
     by_hand = next(t for t in bounds if abs(held_peak(tip, t, STEP)[0]) > 1.0)
-    assert law.max_delay == pytest.approx(by_hand, abs=STEP)
+    assert abs(law.ages.max() - round(by_hand / STEP)) <= 1
     assert law.max_delay < closed_form(tip.mass, tip.stiffness, tip.damping) - STEP
     assert grown(loop, law, 50) == pytest.approx(law.growth_rate, abs=1e-4)
 

@@ -151,7 +151,7 @@ def leaves(value, path=()):
 def test_every_number_of_a_certificate_matters(folder, tmp_path):
     whole = (folder / "certificate.json").read_text()
     numbers = list(leaves(json.loads(whole)))
-    assert len(numbers) > 500
+    assert len(numbers) > 200
     rng = np.random.default_rng(6)
     for path in [numbers[k] for k in rng.choice(len(numbers), 40, replace=False)]:
         content = json.loads(whole)

@@ -79,7 +79,7 @@ def test_the_report_shows_tracking_forces_delays_paths_and_wiring(judged):
         "Joints",
         "Wiring",
         "Components",
-        "Path of the tips",
+        "The arms in motion",
         "channel_lr",
         "SHA-256",
         "Provenance",

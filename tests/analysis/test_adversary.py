@@ -73,7 +73,7 @@ def test_search_finds_the_held_peak():
     by_hand = next(t for t in bounds if abs(held_peak(tip, t, STEP)[0]) > 1.0)
     assert abs(law.ages.max() - round(by_hand / STEP)) <= 1
     assert law.max_delay < closed_form(tip.mass, tip.stiffness, tip.damping) - STEP
-    assert grown(loop, law, 50) == pytest.approx(law.growth_rate, abs=1e-4)
+    assert grown(loop, law, 100) == pytest.approx(law.growth_rate, abs=1e-5)  # other modes have died out by then
 
 
 def test_nothing_destroys_a_loop_below_the_delay_sum():

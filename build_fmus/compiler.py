@@ -16,7 +16,7 @@ from attrs import frozen
 from build_fmus.errors import BuildError, SourceError
 from build_fmus.running import RUNNING
 
-FLAGS = (
+STRICT = (
     "-std=c99",
     "-O2",
     "-ffp-contract=off",
@@ -26,10 +26,11 @@ FLAGS = (
     "-Wconversion",
     "-Werror",
     "-fvisibility=hidden",
-    "-shared",
-    "-fPIC",
     "-g0",
 )
+FLAGS = (*STRICT, "-shared", "-fPIC")
+WASM = ("-target", "wasm32-wasi", "-fno-sanitize=undefined", *STRICT)
+"""Flags for WebAssembly: the same rules of arithmetic."""
 
 
 _MOST_TEXT = 4000  # signs of a compiler's messages, which begin with the first error
@@ -127,7 +128,16 @@ def compile_library(
     """Compile the file `main` of the folder `sources` into a shared library. Raises SourceError with the messages."""
     if not compiler.cross and chosen.name != this_platform():
         raise BuildError(f"CC compiles for this machine only, not for {chosen.name}; unset CC to compile with zig")
-    command = [*compiler.command, *compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)]
+    call(
+        compiler, (*compiler.flags(chosen), *extra, "-I.", main, "-o", str(library)), sources, cache, main, chosen.name
+    )
+
+
+def call(
+    compiler: Compiler, arguments: Sequence[str], sources: Path, cache: Path, main: str = "", place: str = "wasm32"
+) -> None:
+    """Run the compiler in the folder `sources`. Raises SourceError with its messages about the file `main`."""
+    command = [*compiler.command, *arguments]
     try:
         done = RUNNING.run(command, sources, _environment(cache))
     except OSError as error:
@@ -136,4 +146,4 @@ def compile_library(
         raise BuildError(f"no space left to compile, in {cache} or {sources}; free space, or set COSIM_CACHE or TMPDIR")
     if done.returncode:
         text = done.stderr.strip()[:_MOST_TEXT] or f"exit status {done.returncode}"
-        raise SourceError(f"{main} does not compile for {chosen.name}:\n{text}\n({shlex.join(command)} in {sources})")
+        raise SourceError(f"{main} does not compile for {place}:\n{text}\n({shlex.join(command)} in {sources})")

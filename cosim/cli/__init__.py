@@ -23,6 +23,7 @@ COMMANDS = {
     "list": "shipped scenarios and sweeps, one line each",
     "show": "wiring, units, added delays, step sizes; runs nothing",
     "run": "one co-simulation: summary.json, result.h5, report.html",
+    "live": "the loop to touch: the co-simulation in one offline page",
     "plot": "a figure of a run for a paper; its arms as a movie",
     "stability": "criteria, spectrum and simulation side by side",
     "verify": "a certificate of `stability --any-delay`, checked without optimising",

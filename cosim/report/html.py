@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from attrs import asdict, evolve, field, frozen
 
@@ -15,6 +16,9 @@ from cosim.report.motion import Playback
 from cosim.report.packing import packed
 from cosim.report.plots import Figure
 from cosim.results.saving import write_text
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 WEB = Path(__file__).with_name("web")
 STYLES = ("uPlot.min.css", "page.css")
@@ -88,15 +92,7 @@ def write_report(report: Report, path: Path | str) -> Path:
 
 def render(report: Report) -> str:
     """The report as the text of one HTML page."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("cosim.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = _environment()
     figures = _figures(report)
     places = {id(figure): k for k, figure in enumerate(figures, 1)}
     environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
@@ -106,7 +102,7 @@ def render(report: Report) -> str:
     environment.tests["playback"] = lambda value: isinstance(value, Playback)
     return environment.get_template("report.html.j2").render(
         report=report,
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        made=_now(),
         numbers=packed(
             [evolve(f, name=f.name or f"figure-{k}") for k, f in enumerate(figures, 1)],
             source=report.source,
@@ -115,6 +111,27 @@ def render(report: Report) -> str:
         style=web(STYLES),
         script=web(SCRIPTS),
     )
+
+
+def filled(template: str, **values: str) -> str:
+    """A page of another template, with the time when it was made."""
+    return _environment().get_template(template).render(made=_now(), **values)
+
+
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("cosim.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _figures(report: Report) -> list[Figure]:

@@ -27,6 +27,7 @@ CONTENTS = (
     ("How to", "sweep", "cosim/manual/sweep.md"),
     ("How to", "own-controller", "cosim/manual/own-controller.md"),
     ("How to", "recording", "cosim/manual/recording.md"),
+    ("How to", "live", "cosim/manual/live.md"),
     ("How to", "other-tools", "cosim/manual/other-tools.md"),
     ("Reference", "outputs", "cosim/manual/outputs.md"),
     ("Reference", "description-format", "cosim/measured/README.md"),

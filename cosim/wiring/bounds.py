@@ -9,7 +9,7 @@ _OTHERWISE = 1e6
 """Usual size, in SI, allowed for where an FMU declares none and the unit is none of motion or force: pressures and
 powers of large plants reach 1e9, a million times less than the bound of 1e12 that results.
 """
-_OF_START = 1e-3
+OF_START = 1e-3
 """Share of a value at t = 0 that counts as its usual size: with the bound of 1e6 it may grow a thousandfold."""
 
 
@@ -35,4 +35,4 @@ def _usual(variable: Variable) -> float:
 def bounds(wiring: Wiring, usual: np.ndarray, start: np.ndarray) -> np.ndarray:
     """What no output may pass, (n,): `experiment.bound` times its usual size, and room for those that start large."""
     began = np.where(np.isfinite(start), np.abs(start), 0.0)
-    return wiring.scenario.experiment.bound * np.maximum(usual, _OF_START * began)
+    return wiring.scenario.experiment.bound * np.maximum(usual, OF_START * began)

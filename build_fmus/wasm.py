@@ -1,0 +1,63 @@
+"""Models linked with the compiled master loop into one WebAssembly module that imports nothing."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from build_fmus.build import BuildJob, source_files, token_of
+from build_fmus.cache import cache_folder, key_of, store
+from build_fmus.compiler import WASM, Compiler, call, find_compiler
+from build_fmus.errors import BuildError
+from build_fmus.scratch import workspace
+from build_fmus.sources import home_of, is_path, model_table, source_root
+
+EXPORTS = ("-mexec-model=reactor", "-Wl,--export-memory", "-Wl,-z,stack-size=262144", "-Wl,--strip-all")
+
+
+def model_token(model: str) -> str:
+    """Instantiation token of a model's FMI 3 FMU."""
+    return token_of(source_files(_job(model)))
+
+
+def wasm_module(models: Mapping[str, str], scenario: str) -> bytes:
+    """The module of fmu_src/live/live.c with models in it, from the cache or compiled now.
+
+    models: {prefix of the names of its FMI functions: model, as `fmu_path` takes it}; scenario: text of the header
+    scenario.h, what is wired and scheduled. Raises BuildError.
+    """
+    compiler, folder = find_compiler(), cache_folder()
+    if not compiler.cross:
+        raise BuildError("CC compiles for this machine only, not to WebAssembly; unset CC to compile with zig")
+    objects = [_model_object(prefix, model, compiler, folder) for prefix, model in models.items()]
+    root = source_root()
+    sources = [path for name in ("live", "executor", "shared") for path in sorted((root / name).glob("*.[ch]"))]
+    parts = [path.read_bytes() for path in sources]
+    key = key_of(compiler.identity, *WASM, *EXPORTS, scenario, *parts, *(path.parent.name for path in objects))[:24]
+    module = folder / "wasm" / key / "live.wasm"
+    if not module.is_file():
+        with workspace() as work:
+            (work / "scenario.h").write_text(scenario)
+            fresh = work / module.name
+            named = map(str, objects)
+            arguments = (*WASM, *EXPORTS, f"-I{work}", "live/live.c", *named, "-o", str(fresh))
+            call(compiler, arguments, root, folder, "live.c")
+            store(module, fresh.read_bytes())
+    return module.read_bytes()
+
+
+def _job(model: str) -> BuildJob:
+    return BuildJob(model_table(model), 3, (), own=home_of(model) if is_path(model) else None)
+
+
+def _model_object(prefix: str, model: str, compiler: Compiler, folder: Path) -> Path:
+    """The compiled FMI 3 functions of a model, their names with a prefix."""
+    sources = source_files(_job(model))
+    flags: Sequence[str] = (*WASM, f"-DFMI3_FUNCTION_PREFIX={prefix}", "-I.", "-c", "fmi3.c")
+    key = key_of(compiler.identity, *flags, *(x for name in sorted(sources) for x in (name, sources[name])))[:24]
+    kept = folder / "wasm" / key / "model.o"
+    if not kept.is_file():
+        with workspace() as work:
+            for name, data in sources.items():
+                store(work / name, data)
+            call(compiler, (*flags, "-o", str(work / kept.name)), work, folder, "fmi3.c")
+            store(kept, (work / kept.name).read_bytes())
+    return kept

@@ -1,0 +1,28 @@
+"""`cosim live`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim.cli.run import DEMONSTRATION, OUTSIDE
+
+
+def command(
+    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for the page (default: results/SCENARIO)")] = None,
+    effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
+) -> None:
+    """The loop to touch, in one offline page: live.html."""
+    from cosim.cli.folder import made, named
+    from cosim.cli.run import prepare
+    from cosim.report.live import write_live
+
+    wiring = prepare(scenario, set_ or [], effects, allow_outside)
+    folder = made(out or named(wiring.scenario.name))
+    page = write_live(wiring, folder / "live.html")
+    print(f"{page}: open it in a browser; the co-simulation runs there ({page.stat().st_size / 1e3:.0f} kB)")

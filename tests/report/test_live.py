@@ -1,0 +1,150 @@
+"""The live page: the bits of `cosim run`, what is refused, and the page in a browser: drag, delay, keyboard."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.api.runs import checked
+from cosim.cli import main
+from cosim.report.html import WEB
+from cosim.report.live import write_live
+from tests.support.browser import open_page
+from tests.support.needs import node
+from tests.support.paths import ROOT
+
+SCENARIOS = ("sallam-stable", "contact", "sallam-joint")
+DELAY = 0.3
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """Makes the page of a scenario with values."""
+    made = {}
+
+    def page(name, *values):
+        if (name, values) not in made:
+            folder = tmp_path_factory.mktemp("live")
+            made[name, values] = write_live(checked(name, values), folder / "live.html")
+        return made[name, values]
+
+    return page
+
+
+def run_page(file, rows, out):
+    """What tests/support/loop.mjs tells of a page, and the rows."""
+    command = [node(), ROOT / "tests" / "support" / "loop.mjs", file, WEB / "loop.js", str(rows), out]
+    told = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    return told, np.fromfile(out).reshape(rows + 1, -1)
+
+
+def same_bits(file, scenario, out):
+    result = cosim.run(scenario)
+    told, rows = run_page(file, len(result.time) - 1, out)
+    assert told["rows"] == len(result.time) - 1 > 100 and not told["ended"]
+    expected = np.column_stack([result[name] for name in told["signals"]])
+    assert set(told["signals"]) == set(result.units) and np.ptp(expected, axis=0).max() > 0
+    different = (rows.view(np.int64) != expected.view(np.int64)).any(axis=0)
+    assert not different.any(), [name for name, bad in zip(told["signals"], different) if bad]
+    return told
+
+
+@pytest.mark.needs("node")
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_rows_have_the_bits_of_a_run(page, name, tmp_path):
+    scenario = cosim.load(name).with_values({"experiment.stop": 2.0})
+    told = same_bits(page(name), scenario, tmp_path / "rows")
+    assert told["imports"] == []  # nothing of the browser's is called: no clock, no random numbers
+
+
+@pytest.mark.slow
+@pytest.mark.needs("node")
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_rows_have_the_bits_of_a_run_of_20_s_faster_than_fifty_times_real_time(page, name, tmp_path):
+    scenario = cosim.load(name).with_values({"experiment.stop": 20.0})
+    told = same_bits(page(name), scenario, tmp_path / "rows")
+    print(f"{name}: {told['factor']:.0f} times real time, by processor time")
+    assert told["factor"] >= 50
+
+
+@pytest.mark.needs("node")
+def test_a_recording_of_the_page_is_read(page, tmp_path):
+    told, _ = run_page(page("sallam-stable"), 400, tmp_path / "rows")
+    (tmp_path / "hand.csv").write_text(told["recording"])
+    (tmp_path / "hand.toml").write_text(told["recorded"])
+    run = cosim.read(tmp_path / "hand.csv").runs[0]
+    result = cosim.run(cosim.load("sallam-stable").with_values({"experiment.stop": 2.0}))
+    assert np.array_equal(run.q, result["arm_l.q"][1:]) and np.array_equal(run.tau, result["arm_l.tau_motor"][1:])
+    assert run.force is not None and run.force.shape == (400, 3)
+
+
+def test_the_page_is_small_and_fetches_nothing(page):
+    text = page("sallam-stable").read_text(encoding="utf-8")
+    assert len(text.encode()) < 1.5e6
+    assert not [word for word in ("src=", "@import", "fetch(", "XMLHttpRequest") if word in text]
+
+
+def test_recordings_and_fmus_of_others_are_refused_by_name(tmp_path, capsys):
+    from build_fmus import fmu_path
+
+    text = (ROOT / "cosim" / "scenario" / "shipped" / "sallam-nodelay.toml").read_text(encoding="utf-8")
+    foreign = tmp_path / "foreign.toml"
+    foreign.write_text(text.replace('model = "Operator"', f'fmu = "{fmu_path("Operator", 2)}"'))
+    for scenario, named in ((str(foreign), "components.operator"), ("recorded-delay", "the recording")):
+        with pytest.raises(SystemExit) as left:
+            main(["live", scenario, "--out", str(tmp_path / "out")])
+        said = capsys.readouterr().err
+        assert left.value.code == 2 and named in said and "C sources" in said
+        assert not (tmp_path / "out" / "live.html").exists()
+
+
+@pytest.fixture
+def still(page):
+    """A page in which nothing moves until somebody drags; constant delay."""
+    return page("sallam-nodelay", "operator.amplitude=0", f"channel_*.delay_mean={DELAY}")
+
+
+ROWS = "livePage.rows.map((row) => [row.time, ...row.tips[0], ...row.tips[1]])"
+
+
+def test_a_drag_moves_the_remote_arm_after_the_delay(browser, still):
+    with open_page(browser, still) as seen:
+        box = seen.locator("#scene").bounding_box()
+        seen.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+        seen.mouse.down()
+        seen.mouse.move(box["x"] + box["width"] / 4 + 60, box["y"] + box["height"] / 2 - 30, steps=4)
+        seen.wait_for_function("livePage.rows.some((row) => Math.abs(row.tips[1][0] - livePage.origin[1][0]) > 1e-4)")
+        seen.mouse.up()
+        rows = np.array(seen.evaluate(ROWS))
+        assert seen.evaluate("livePage.loop.hand[0]") == 0
+        assert seen.said == []
+    moved = np.abs(rows[:, 1:] - rows[0, 1:]).reshape(-1, 2, 3).max(axis=2) > 1e-9
+    begins = rows[moved.argmax(axis=0), 0]
+    assert moved.any(axis=0).all() and begins[0] + DELAY <= begins[1] <= begins[0] + DELAY + 0.2
+
+
+def test_keyboard_sliders_and_what_the_checker_of_accessibility_finds(browser, still):
+    with open_page(browser, still) as seen:
+        seen.locator("#scene").focus()
+        seen.keyboard.press("ArrowRight")
+        assert seen.evaluate("livePage.loop.hand[0]") == 1
+        seen.keyboard.press("Escape")
+        assert seen.evaluate("livePage.loop.hand[0]") == 0
+        seen.keyboard.press(" ")
+        assert seen.evaluate("livePage.running") is False
+        stiffness = "livePage.loop.starts[livePage.scenario.starts['controller_r.stiffness[3]'].place]"
+        assert seen.evaluate(stiffness) == 0.25
+        time = seen.evaluate("livePage.loop.time")
+        slider = seen.get_by_label("stiffness K")
+        slider.focus()
+        seen.keyboard.press("ArrowRight")
+        assert seen.evaluate(stiffness) == pytest.approx(0.26) and seen.evaluate("livePage.loop.time") == time
+        delay = seen.get_by_label("delay (starts again)")
+        delay.focus()
+        seen.keyboard.press("ArrowRight")
+        assert seen.evaluate("livePage.loop.starts[livePage.scenario.starts['channel_lr.delay_mean'].place]") > DELAY
+        assert seen.evaluate("livePage.rows[0].time") == 0
+        assert seen.violations() == []
+        assert seen.said == []

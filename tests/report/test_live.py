@@ -59,6 +59,14 @@ def test_the_rows_have_the_bits_of_a_run(page, name, tmp_path):
     assert told["imports"] == []  # nothing of the browser's is called: no clock, no random numbers
 
 
+@pytest.mark.needs("node")
+def test_other_schedules_have_the_bits_of_a_run_too(page, tmp_path):
+    values = {"experiment.algorithm": "jacobi", "experiment.extrapolation": "hold", "channel_lr.step_multiple": 2}
+    file = page("sallam-stable", *(f"{name}={value}" for name, value in values.items()))
+    scenario = cosim.load("sallam-stable").with_values({**values, "experiment.stop": 2.0})
+    assert same_bits(file, scenario, tmp_path / "rows")["rows"] == 400
+
+
 @pytest.mark.slow
 @pytest.mark.needs("node")
 @pytest.mark.parametrize("name", SCENARIOS)

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from attrs import evolve
 
-from build_fmus.build import BuildJob, Progress, build, check_platforms
+from build_fmus.build import BuildJob, Progress, build, check_platforms, fmu_path
 from build_fmus.errors import BadRequestError
-from build_fmus.sources import source_root
-from build_fmus.table import ModelTable, ModelVariable, Private, load_table, override
+from build_fmus.sources import model_table, models
+from build_fmus.table import ModelTable, ModelVariable, Private, StartValue, override
 
 
 def arm_fmu(
@@ -24,8 +24,31 @@ def arm_fmu(
     progress: Progress | None = None,
 ) -> Path:
     """The FMU of an arm with so many joints and these start values, from the cache or built now. Raises BuildError."""
-    table = cut(load_table(source_root() / "SerialArm" / "model.toml"), joints)
+    table = cut(model_table("SerialArm"), joints)
     return build(BuildJob(override(table, dict(start)), fmi, check_platforms(platforms)), progress)
+
+
+def fitted_fmu(
+    model: str,
+    joints: int | None,
+    fmi: int = 3,
+    platforms: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    start: Mapping[str, StartValue] | None = None,
+) -> Path:
+    """As `fmu_path`; a model with a table of joints is cut to so many (None, or more than it has room for: not cut)."""
+    if joints is None or not can_be_cut(model, joints):
+        return fmu_path(model, fmi, platforms, progress, start)
+    table = cut(model_table(model), joints)
+    return build(BuildJob(override(table, start) if start else table, fmi, check_platforms(platforms)), progress)
+
+
+def can_be_cut(model: str, joints: int) -> bool:
+    """Whether a model of ours has a table of joints with room for so many."""
+    if model not in models():
+        return False
+    table = model_table(model)
+    return _has_joints(table) and 1 <= joints <= _room(table)
 
 
 def cut(table: ModelTable, joints: int) -> ModelTable:
@@ -39,9 +62,13 @@ def cut(table: ModelTable, joints: int) -> ModelTable:
 
 def cut_like(table: ModelTable, names: Collection[str]) -> ModelTable:
     """The table cut as in an FMU whose variables have these names; as it is where it has no joints to cut."""
-    if not any(v.name == "joints" for v in table.variable):
+    if not _has_joints(table):
         return table
     return cut(table, sum(name.startswith("q_start[") for name in names) or _room(table))
+
+
+def _has_joints(table: ModelTable) -> bool:
+    return any(v.name == "joints" for v in table.variable)
 
 
 def _room(table: ModelTable) -> int:

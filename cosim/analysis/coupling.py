@@ -7,17 +7,17 @@ is tried with inputs at random.
 """
 
 from collections.abc import Mapping
-from functools import lru_cache
 
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.analysis.damping import LeastViscosity, least_joint_viscosity, least_task_viscosity
+from cosim.analysis.damping import LeastViscosity
 from cosim.analysis.examination import Examined, examine
 from cosim.analysis.linear_fmu import LinearFmu, is_channel, linear_fmu
 from cosim.analysis.lone_fmu import LoneFmu
 from cosim.analysis.memory import looped
 from cosim.analysis.passivity import dissipates, responses
+from cosim.analysis.traits import ArmTraits, arm_traits, start_vector
 from cosim.engine.master import System
 from cosim.errors import RunError
 from cosim.signals import Signal, index_of, stem
@@ -25,6 +25,8 @@ from cosim.wiring import Wiring
 
 REACH = (0.01, 0.3)
 """Amplitudes at which laws are tried [m, m/s, rad, rad/s]: small motion, and the reach of a tip."""
+_ALIKE = 1e-6
+"""Gains are alike that differ by this part: what differences of a linear law are right to."""
 TRIES = 24
 """Random inputs at each amplitude."""
 _GRID = np.geomspace(1e-2, 1e4, 300)
@@ -44,31 +46,24 @@ class Assumption:
 
 @frozen
 class CoupledSide:
-    """One arm's coupling: K [N/m], B [N s/m] of the controller per axis (joint space: N m/rad, N m s/rad), plant
-    viscosity.
+    """One arm's coupling: K [N/m], B [N s/m] of the controller per axis (joint space: N m/rad, N m s/rad), and the
+    least viscosity of the plant where the controller acts.
+
+    scale: its way for a way of the other arm, per axis.
     """
 
     arm: str
     stiffness: np.ndarray = field(eq=False)
     damping: np.ndarray = field(eq=False)
     joint_space: bool
-    viscous: tuple[float, ...]
+    viscosity: LeastViscosity
     compensated: bool
-
-    @property
-    def viscosity(self) -> LeastViscosity:
-        """Least viscosity of the plant where the controller acts."""
-        return least_joint_viscosity(self.viscous) if self.joint_space else _least_task(self.viscous)
+    scale: np.ndarray = field(eq=False, factory=lambda: np.ones(1))
 
     @property
     def effective(self) -> np.ndarray:
         """Damping per axis that a criterion may count on."""
         return self.damping + self.viscosity.value
-
-
-@lru_cache(maxsize=64)
-def _least_task(viscous: tuple[float, ...]) -> LeastViscosity:
-    return least_task_viscosity(np.array(viscous))
 
 
 @frozen
@@ -103,7 +98,18 @@ def coupled(found: Examined) -> Coupled:
     local, remote = sides
     if local is None or remote is None or local.joint_space != remote.joint_space:
         return Coupled(None, tuple(said))
-    return Coupled((local, remote), tuple(said))
+    if len(local.stiffness) != len(remote.stiffness):
+        return Coupled(None, tuple(said))
+    product = local.scale * remote.scale
+    if np.any(product != 1.0) or np.any(local.scale != 1.0):
+        said.append(_inverse_scales(product))
+    return Coupled((local, remote) if not np.any(np.abs(product - 1.0) > _ALIKE) else None, tuple(said))
+
+
+def _inverse_scales(product: np.ndarray) -> Assumption:
+    """Arms of different size are those of one size, measured otherwise, where the way back undoes the way there."""
+    what = "each side holds its own position as stiffly as the other's, or the scales are each other's inverse"
+    return Assumption(what, bool(np.all(np.abs(product - 1.0) <= _ALIKE)), f"product of the scales {_numbers(product)}")
 
 
 def known_coupling(wiring: Wiring, system: System) -> Coupled:
@@ -155,12 +161,12 @@ class _Loop:
             law = self._law(name, arm)
             remote = any(source.component == other for source in law.sources.values())
             (laws if remote else touching).append(law)
-        own = (tuple(self._vector(arm, "viscous").tolist()), bool(self._vector(arm, "gravity_compensation")[0]))
+        own = arm_traits(self.wiring, arm)
         direct = self._reference(arm, other)
         found = [self._touch(law, arm) for law in touching]
-        if direct and not laws and self._vector(arm, "stiffness").any():
-            gains = self._vector(arm, "stiffness"), self._vector(arm, "damping")
-            side = CoupledSide(arm, *gains, False, *own)
+        if direct and not laws and start_vector(self.wiring, arm, "stiffness").any():
+            gains = start_vector(self.wiring, arm, "stiffness"), start_vector(self.wiring, arm, "damping")
+            side = CoupledSide(arm, *gains, False, own.tip, own.compensated)
             seen = [Assumption(what, True, "inside the device, by its parameters"), *self._arm(side, direct, gains[1])]
             return side, seen + found
         if len(laws) != 1 or direct:
@@ -174,10 +180,6 @@ class _Loop:
             if link.target.component == arm and link.source.component == laws[0].name
         ]
         return side, [Assumption(what, True, seen), *self._arm(side, targets, np.zeros(1)), *found]
-
-    def _vector(self, name: str, parameter: str) -> np.ndarray:
-        elements = self.wiring.descriptions[name].elements(parameter)
-        return np.array([self.wiring.start(name, element) for element in elements])
 
     def _law(self, name: str, arm: str) -> _Law:
         sources = {
@@ -215,15 +217,15 @@ class _Loop:
             and stem(origin.variable) == "x"
         ]
 
-    def _spring(
-        self, law: _Law, arm: str, other: str, own: tuple[tuple[float, ...], bool]
-    ) -> tuple[CoupledSide | None, str]:
-        """K and B of f = K (x_other - x) - B dx, or None and what was seen instead."""
+    def _spring(self, law: _Law, arm: str, other: str, own: ArmTraits) -> tuple[CoupledSide | None, str]:
+        """K, B and scale of f = K (scale x_other - x) - B dx, or None and what was seen instead."""
         roles = {(other, "x"): "far", (arm, "x"): "near", (arm, "dx"): "speed"}
         joint = any(stem(s.variable) in ("q", "dq") and self._acts(law, v) for v, s in law.sources.items())
         if joint:
             roles = {(other, "q"): "far", (arm, "q"): "near", (arm, "dq"): "speed"}
         n = len(self.wiring.descriptions[arm].elements("q" if joint else "x"))
+        if len(self.wiring.descriptions[other].elements("q" if joint else "x")) != n:
+            return None, f"{arm} and {other} have not the same number of joints"
         gains = {role: np.zeros((len(law.outputs), n)) for role in roles.values()}
         rows = [self.fmus[law.name].outputs.index(o) for o in law.outputs]
         through = self.fmus[law.name].d[rows]
@@ -236,17 +238,19 @@ class _Loop:
                 gains[role][:, index_of(source.variable) - 1] += through[:, k]
         moving = [r for r in range(len(rows)) if np.any(through[r])]
         gains = {role: matrix[moving] for role, matrix in gains.items()}
-        k, b = gains["far"], -gains["speed"]
-        scale = max(float(np.abs(k).max(initial=0.0)), 1e-300)
-        if k.shape != (n, n) or np.abs(k - np.diag(np.diag(k))).max() > 1e-6 * scale or np.diag(k).min() <= 0.0:
+        k, b = -gains["near"], -gains["speed"]
+        if k.shape != (n, n) or not (_diagonal(k) and _diagonal(gains["far"])):
             return None, f"{law.name} does not draw each axis of {arm} to the same axis of {other}"
-        if np.abs(gains["near"] + k).max() > 1e-6 * scale:
-            return None, f"{law.name} holds the own position with another stiffness than that of the other arm"
-        if np.abs(b - np.diag(np.diag(b))).max() > 1e-6 * max(float(np.abs(b).max()), 1e-300):
+        if min(np.diag(k).min(), np.diag(gains["far"]).min()) <= 0.0:
+            return None, f"{law.name} does not draw {arm} to {other}"
+        scale = np.diag(gains["far"]) / np.diag(k)
+        if not _diagonal(b):
             return None, f"the damping of {law.name} couples axes"
         if not self._linear(law.name):
             return None, f"{law.name} is not linear for motion of {REACH[-1]:g} m"
-        side = CoupledSide(arm, _clean(np.diag(k)), _clean(np.diag(b)), joint, *own)
+        viscosity = own.joints if joint else own.tip
+        gains_found = _clean(np.diag(k)), _clean(np.diag(b))
+        side = CoupledSide(arm, *gains_found, joint, viscosity, own.compensated, _clean(scale))
         return side, f"{law.name}: K = {_numbers(side.stiffness)}, B = {_numbers(side.damping)}"
 
     def _acts(self, law: _Law, variable: str) -> bool:
@@ -355,6 +359,12 @@ def _motion(fmu: LinearFmu, position: str) -> tuple[list[str], int]:
         if found := [o for o in fmu.outputs if stem(o) == name]:
             return found, order
     return [], 0
+
+
+def _diagonal(matrix: np.ndarray) -> bool:
+    """Whether nothing stands beside the diagonal, to the digits of differences."""
+    beside = np.abs(matrix - np.diag(np.diag(matrix))).max(initial=0.0)
+    return bool(beside <= _ALIKE * max(float(np.abs(matrix).max(initial=0.0)), 1e-300))
 
 
 def _clean(values: np.ndarray) -> np.ndarray:

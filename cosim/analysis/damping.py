@@ -60,6 +60,22 @@ def least_task_viscosity(
     return best
 
 
+def least_tip_viscosity(viscous: ArrayLike, reach: ArrayLike) -> LeastViscosity:
+    """A bound from below for the viscosity [N s/m] that a tip of any serial arm feels, at every pose.
+
+    The power lost is dq^T D dq >= |dx|^2 / lambda_max(J D^-1 J^T), however the joints share the tip's motion, and
+    lambda_max <= sum_i reach_i^2 / D_i with reach (n,) [m] >= |J_i| (1 for a slide). Zero where a joint has no
+    friction; minus infinity where one has a negative term, for which a motion of the joints without the tip has no
+    bound.
+    """
+    d, levers = np.asarray(viscous, float), np.asarray(reach, float)
+    if np.any(d < 0.0):
+        return LeastViscosity(-np.inf, ())
+    if np.any(d == 0.0):
+        return LeastViscosity(0.0, ())
+    return LeastViscosity(float(1.0 / np.sum(levers**2 / d)), ())
+
+
 def least_joint_viscosity(viscous: ArrayLike) -> LeastViscosity:
     """Least joint viscosity [N m s/rad]: what adds to the damping of a joint-space controller, at every pose."""
     return LeastViscosity(float(np.min(viscous)), ())

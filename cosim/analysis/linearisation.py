@@ -18,7 +18,7 @@ from cosim.analysis.linear_fmu import LinearFmu, channel_bounds
 from cosim.analysis.spectrum import DelayFamily, DelaySystem
 from cosim.engine.master import System
 from cosim.errors import InputError, Problem
-from cosim.scenario import Scenario
+from cosim.scenario import Scenario, joints_of
 from cosim.wiring import Link, Wiring
 
 
@@ -80,10 +80,21 @@ class LinearLoop:
 
 
 def at_pose(scenario: Scenario, pose: Sequence[float] | None) -> Scenario:
-    """The scenario with both arms starting at rest at the pose (3,) [rad]; unchanged without one."""
+    """The scenario with both arms starting at rest at the pose (n,) [rad]; unchanged without one.
+
+    Raises InputError where an arm has another number of joints.
+    """
     if pose is None:
         return scenario
     arms = scenario.arms or ()
+    wrong = [
+        Problem(f"pose of {arm}", f"{joints} angles", str(len(pose)))
+        for arm in arms
+        if (joints := joints_of(scenario.components[arm]) or (3 if scenario.components[arm].model else None))
+        not in (None, len(pose))
+    ]
+    if wrong:
+        raise InputError(wrong)
     values = {f"{arm}.q_start[{k + 1}]": float(q) for arm in arms for k, q in enumerate(pose)}
     return scenario.with_values(values | {f"{arm}.dq_start": 0.0 for arm in arms})
 

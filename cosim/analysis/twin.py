@@ -23,7 +23,7 @@ _ROWS = 100_000  # that a verdict looks at, at most twice as many
 def twin_of(wiring: Wiring) -> Scenario | None:
     """The scenario, the start of every arm moved by 1e-6 rad/s (see cosim.analysis.verdict); None without an arm."""
     arms = {
-        name: len(wiring.descriptions[name].elements("dq_start"))
+        name: _joints(wiring, name)
         for name in wiring.scenario.components
         if wiring.descriptions[name].elements("dq_start") and _observed(wiring.descriptions[name])
     }
@@ -32,6 +32,13 @@ def twin_of(wiring: Wiring) -> Scenario | None:
     changes = perturbation(arms)
     starts = {path: float(wiring.starts[path.partition(".")[0]].get(path.partition(".")[2], 0.0)) for path in changes}
     return wiring.scenario.with_values({path: starts[path] + change for path, change in changes.items()})
+
+
+def _joints(wiring: Wiring, name: str) -> int:
+    """How many joints of an arm move: all, or as many as it says."""
+    room = len(wiring.descriptions[name].elements("dq_start"))
+    said = wiring.start(name, "joints") if "joints" in wiring.descriptions[name].variables else room
+    return min(room, int(said))
 
 
 def _observed(description: FmuDescription) -> bool:

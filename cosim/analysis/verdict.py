@@ -15,7 +15,7 @@ from cosim.engine.master import Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import stacked
 
-_STATE = re.compile(r"^(?P<arm>[^.]+)\.(?P<kind>d?q)(\[(?P<joint>\d)\])?$")
+_STATE = re.compile(r"^(?P<arm>[^.]+)\.(?P<kind>d?q)(\[(?P<joint>\d+)\])?$")
 _DIRECTION = (1.0, 0.8, 0.6)
 PERTURBATION = 1e-6
 """Size of the difference of the starts [rad/s]: 1e6 above round-off and far below any nonlinearity of the arm (1

@@ -69,13 +69,17 @@ def _directions(wiring: "Wiring") -> list[str]:
 
 
 def _starts(wiring: "Wiring", name: str) -> str:
+    from attrs import evolve
+
+    from cosim.scenario import start_values
     from cosim.wiring import vector_starts
 
     component = wiring.scenario.components[name]
     starts = vector_starts(wiring.starts[name])
     shown = [f"set {component.parameter_set}"] if component.parameter_set else []
+    of_the_set = set(start_values(evolve(component, parameters={}))) - set(component.parameters)
     for key, values in starts.items():
-        if component.parameter_set and key in ("pi", "viscous", "coulomb") and key not in component.parameters:
+        if key in of_the_set:
             continue
         variable = wiring.descriptions[name].variables[wiring.descriptions[name].elements(key)[0]]
         shown.append(f"{key} {_values(variable, values)}")

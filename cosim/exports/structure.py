@@ -16,6 +16,7 @@ from cosim.engine.isolation import runner
 from cosim.errors import RunError
 from cosim.exports.enumerations import whole_numbers
 from cosim.fmu import describe, fmu_file, open_system
+from cosim.scenario import joints_of
 from cosim.scenario.ssp_experiment import MASTER, OMS, OMS_TYPE, OSP, OSP_TYPE, VENDOR
 from cosim.scenario.ssp_grammar import NAMESPACES
 from cosim.signals import FmuDescription, Unit, Variable
@@ -48,7 +49,7 @@ def component_fmus(
     """An FMU for every component; those of our models have parameters and inputs at t = 0 compiled in as start
     values. Without `enumerations` whole numbers take their place.
     """
-    from build_fmus import BuildError, fmu_path
+    from build_fmus import BuildError, fitted_fmu
 
     inputs = _first_inputs(wiring)
     scenario = wiring.scenario.with_values({"experiment.fmi": fmi})
@@ -57,7 +58,13 @@ def component_fmus(
         try:
             built = component.model_path(scenario.folder) if component.own else component.model
             fmus[name] = (
-                fmu_path(str(built), fmi, platforms, start=_numbers(wiring.starts[name]) | inputs[name])
+                fitted_fmu(
+                    str(built),
+                    joints_of(component),
+                    fmi,
+                    platforms,
+                    start=_numbers(wiring.starts[name]) | inputs[name],
+                )
                 if built and not str(built).endswith(".py")
                 else fmu_file(component, scenario)
             )

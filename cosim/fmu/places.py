@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.measured.reader import signals
-from cosim.scenario import Component, Scenario
+from cosim.scenario import Component, Scenario, joints_of
 
 Progress = Callable[[str], None]
 
@@ -30,12 +30,12 @@ def fmu_file(component: Component, scenario: Scenario, progress: Progress | None
             return _recording(component, scenario.folder / component.recording, scenario, progress)
         if component.own:
             return own_model(component.model_path(scenario.folder), scenario.experiment.fmi, progress)
-        return _model(component.model or "", scenario.experiment.fmi, progress)
+        return _model(component.model or "", joints_of(component), scenario.experiment.fmi, progress)
     except BuildError as error:
         raise RunError(component.kind, None, f"cannot be built: {error}") from None
 
 
-_BUILT: dict[tuple[str, int], Path] = {}  # files of models found or built by this process
+_BUILT: dict[tuple[str, int | None, int], Path] = {}  # files of models found or built by this process
 
 
 _OWN: dict[tuple[str, int], tuple[object, Path | InputError]] = {}
@@ -63,21 +63,21 @@ def own_model(path: Path, fmi: int, progress: Progress | None = None) -> Path:
     return known[1]
 
 
-def _model(model: str, fmi: int, progress: Progress | None) -> Path:
-    path = _BUILT.get((model, fmi))
+def _model(model: str, joints: int | None, fmi: int, progress: Progress | None) -> Path:
+    path = _BUILT.get((model, joints, fmi))
     if path is None or not path.is_file():
-        path = _BUILT[model, fmi] = _built(model, fmi, progress)
+        path = _BUILT[model, joints, fmi] = _built(model, joints, fmi, progress)
     return path
 
 
-def _built(model: str, fmi: int, progress: Progress | None) -> Path:
-    from build_fmus.build import fmu_path
+def _built(model: str, joints: int | None, fmi: int, progress: Progress | None) -> Path:
+    from build_fmus.arms import fitted_fmu
     from build_fmus.sources import models
 
     if model not in models():
         near = did_you_mean(model, models()) or "a model of your own goes by its path, ./NAME"
         raise InputError(Problem("model", "one of " + ", ".join(models()), repr(model), near))
-    return fmu_path(model, fmi, progress=progress)
+    return fitted_fmu(model, joints, fmi, progress=progress)
 
 
 def _recording(component: Component, path: Path, scenario: Scenario, progress: Progress | None) -> Path:

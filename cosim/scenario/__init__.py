@@ -4,7 +4,7 @@ The file is TOML. Everything wrong with it is collected and reported at once (`c
 FMUs know (variables, units, causality) is checked by `cosim.wiring`.
 """
 
-from cosim.scenario.changing import parse_override, start_values
+from cosim.scenario.changing import joints_of, parse_override, start_values
 from cosim.scenario.loading import draft, load_scenario, load_text, shipped
 from cosim.scenario.parts import (
     FORMAT,
@@ -34,6 +34,7 @@ __all__ = [
     "Scenario",
     "Teleoperation",
     "draft",
+    "joints_of",
     "load_scenario",
     "load_text",
     "parse_override",

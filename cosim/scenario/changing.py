@@ -18,16 +18,40 @@ AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 
 
 def start_values(component: Component) -> dict[str, object]:
-    """FMU parameters of a component, the parameter set expanded to `pi`, `viscous`, `coulomb`; later keys win."""
-    values: dict[str, object] = {}
-    if component.parameter_set is not None:
-        from cosim.arm.parameters import parameter_set
-
-        chosen = parameter_set(component.parameter_set)
-        values = {key: [float(v) for v in getattr(chosen, key)] for key in ("pi", "viscous", "coulomb")}
+    """FMU parameters of a component, the parameter set expanded (a PHANToM's to `pi`, `viscous`, `coulomb`; a
+    SerialArm's to its table); later keys win.
+    """
+    values = _set_values(component)
     whole = {key: value for key, value in component.parameters.items() if stem(key) == key}
     single = {key: value for key, value in component.parameters.items() if stem(key) != key}
     return values | whole | single
+
+
+def _set_values(component: Component) -> dict[str, object]:
+    """What the parameter set of a component says."""
+    if component.parameter_set is None:
+        return {}
+    if component.model == "SerialArm":
+        from cosim.arm.published import published_arm
+
+        return dict(published_arm(component.parameter_set))
+    from cosim.arm.parameters import parameter_set
+
+    chosen = parameter_set(component.parameter_set)
+    return {key: [float(v) for v in getattr(chosen, key)] for key in ("pi", "viscous", "coulomb")}
+
+
+def joints_of(component: Component) -> int | None:
+    """How many joints a component says that it has: models with a table of joints are cut to so many. None: it does not
+    say.
+    """
+    if component.model is None:
+        return None
+    joints = _set_values(component).get("joints") if component.model == "SerialArm" else None
+    joints = component.parameters.get("joints", joints)
+    if isinstance(joints, (int, float)) and not isinstance(joints, bool) and float(joints).is_integer():
+        return int(joints)
+    return None
 
 
 def parse_override(text: str) -> tuple[str, object]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from attrs import evolve
 
 from cosim.errors import InputError, Problem
-from cosim.scenario import Scenario
+from cosim.scenario import Scenario, joints_of
 from cosim.signals import FmuDescription
 from cosim.wiring.ages import timed
 from cosim.wiring.feeding import recorded_beside, silences, starved, tool_warnings, unwired
@@ -48,6 +48,8 @@ def _resized(wiring: Wiring, scenario: Scenario) -> bool:
     """Whether a value changes that settles the size of an array or of a packet."""
     old = wiring.scenario.components
     if any(put_in(scenario, n, d) != put_in(wiring.scenario, n, d) for n, d in wiring.descriptions.items()):
+        return True
+    if any(joints_of(component) != joints_of(old[key]) for key, component in scenario.components.items()):
         return True
     return any(
         component.parameters.get(name) != old[key].parameters.get(name)

@@ -52,8 +52,8 @@ def test_a_pose_that_is_none_is_bad_input(tmp_path):
     from cosim.cli.stability import _pose
     from cosim.errors import InputError
 
-    with pytest.raises(InputError, match="three angles"):
-        _pose("0,1")
+    with pytest.raises(InputError, match="angles q1,q2"):
+        _pose("0,one")
     assert _pose("0,0.1,-1e-1") == [0.0, 0.1, -0.1]
 
 

@@ -244,14 +244,8 @@ static const char *finish_joints(Model *m, double t) {
 static const char *sample(Model *m, double t) {
     const char *problem = m->plain == 0 && m->domain != 0 ? finish_joints(m, t) : NULL;
     if (problem || m->domain == 0) return problem;
-    if (m->step * m->impedance_rate > 2.0 * m->internal_steps) {
-        /* RK4 ends at 2.78; other poses are up to a third faster */
-        snprintf((char *)m->text, sizeof m->text,
-                 "stiffness and damping are too fast (%.4g 1/s) for the internal step of %g s: "
-                 "set internal_steps to %.0f or more",
-                 m->impedance_rate, m->step / m->internal_steps, ceil(m->step * m->impedance_rate / 2));
-        return (const char *)m->text;
-    }
+    problem = impedance_check_step(m->impedance_rate, m->step, m->internal_steps, (char *)m->text, sizeof m->text);
+    if (problem) return problem;
     arm_stay_inside(m, PhantomArm_STATES);
     m->last_time = t;
     return NULL;

@@ -237,4 +237,15 @@ static inline double joint_encoder(const Joint *j, double q) {
     return read;
 }
 
+/* What is wrong with internal steps of an impedance inside the device that is as fast as `rate` (1/s), written to `text`;
+ * NULL: nothing. RK4 ends at 2.78; other poses are up to a third faster. */
+static inline const char *impedance_check_step(double rate, double step, double steps, char *text, size_t size) {
+    if (!(step * rate > 2.0 * steps)) return NULL;
+    snprintf(text, size,
+             "stiffness and damping are too fast (%.4g 1/s) for the internal step of %g s: "
+             "set internal_steps to %.0f or more",
+             rate, step / steps, ceil(step * rate / 2));
+    return text;
+}
+
 #endif

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import final
 
-from attrs import frozen
+from attrs import evolve, frozen
 
+from cosim.analysis.equal_arms import looked_at_poses, standing_at, with_arm
+from cosim.analysis.survival import Survival, survival, survival_document
 from cosim.api.card import card
+from cosim.api.runs import load
 from cosim.arm.reduction import ReducedArm
 from cosim.arm.robot import Robot, read_robot, robot_document
 from cosim.arm.serial import SerialModel
 from cosim.arm.serial_table import arm_values
 from cosim.errors import InputError, Problem, RunError
+from cosim.fmu import open_system
 from cosim.results.provenance import command_line, versions
 from cosim.results.saving import save_files, write_json
+from cosim.scenario import Scenario
 
 
 def robot(urdf: str | Path, *, base: str | None = None, tip: str | None = None) -> RobotResult:
@@ -31,9 +36,13 @@ def robot(urdf: str | Path, *, base: str | None = None, tip: str | None = None) 
 @final
 @frozen(eq=False)
 class RobotResult:
-    """An arm: `model` has its numbers for `cosim.arm.serial_dynamics`, `doubts` what is missing or unphysical."""
+    """An arm: `model` has its numbers for `cosim.arm.serial_dynamics`, `doubts` what is missing or unphysical.
+
+    survival: what two of it bear under a scenario, where that was asked (see `survives`).
+    """
 
     found: Robot
+    survival: Survival | None = None
 
     @property
     def arm(self) -> ReducedArm:
@@ -52,7 +61,34 @@ class RobotResult:
 
     def to_dict(self) -> dict[str, object]:
         """The content of robot.json."""
-        return {**robot_document(self.found), "versions": versions()}
+        borne = {} if self.survival is None else {"survives": survival_document(self.survival)}
+        return {**robot_document(self.found), **borne, "versions": versions()}
+
+    def survives(
+        self,
+        scenario: Scenario | str | Path,
+        *,
+        values: Mapping[str, object] | None = None,
+        poses: int | Sequence[Sequence[float]] = 5,
+        say: Callable[[str], None] | None = None,
+    ) -> RobotResult:
+        """The result with the delays that two of these arms bear under a scenario, which supplies gains and delays.
+
+        Both arms of the scenario become this one; of theirs only gravity compensation, an impedance inside the device
+        and internal steps are kept. values: changes of the scenario after that, as `--set` makes them; poses: how many
+        (the scenario's start or the arm's own, then random ones inside the limits), or the poses themselves (n,)
+        [rad]; say: is told what is being done. Raises InputError where the scenario does not fit the arm, RunError
+        where an FMU fails.
+        """
+        given = scenario if isinstance(scenario, Scenario) else load(scenario)
+        chosen = with_arm(given, self.model).with_values(values or {})
+        if isinstance(poses, int):
+            if poses < 1:
+                raise InputError(Problem("poses", "1 or more", str(poses)))
+            poses = looked_at_poses(given, self.model, poses).tolist()
+        posed = [standing_at(chosen, self.model, pose) for pose in poses]
+        with open_system(posed[0], say) as system:
+            return evolve(self, survival=survival(posed, system, say or (lambda text: None)))
 
     def fmu(
         self,
@@ -95,15 +131,17 @@ class RobotResult:
         files = {
             name: lambda path: path.write_bytes(built),
             "robot.json": lambda path: write_json(content, path),
-            "report.html": lambda path: write_report(robot_report(self.found, command_line()), path),
+            "report.html": lambda path: write_report(robot_report(self.found, command_line(), self.survival), path),
         }
         save_files(folder, files)
         return folder / name
 
     def __str__(self) -> str:
         from cosim.report.robot import robot_sentences
+        from cosim.report.robot_survival import survival_sentences
 
-        return "\n".join(robot_sentences(self.found))
+        borne = [] if self.survival is None else survival_sentences(self.survival)
+        return "\n".join([*robot_sentences(self.found), *borne])
 
     def _repr_html_(self) -> str:
         model = self.model

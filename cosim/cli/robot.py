@@ -13,6 +13,15 @@ def command(
     tip: Annotated[
         str | None, typer.Option(help="link at the end; default: where the chains with most joints end or part")
     ] = None,
+    survives: Annotated[
+        str | None,
+        typer.Option(metavar="SCENARIO", help="which delays two of these arms bear under its gains and delays"),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="change a value of that scenario; may be repeated"),
+    ] = None,
+    poses: Annotated[int, typer.Option(help="how many poses are looked at with --survives")] = 5,
     fmi: Annotated[int, typer.Option(help="FMI version of the FMU, 2 or 3")] = 3,
     platform: Annotated[
         list[str] | None, typer.Option(help="platform of the binaries, FMI 3 name; may be repeated")
@@ -22,10 +31,25 @@ def command(
     """An arm from its URDF: NAME.fmu that holds it, robot.json, report.html."""
     import cosim
     from cosim.cli.folder import made
+    from cosim.errors import InputError, Problem
 
     found = cosim.robot(urdf, base=base, tip=tip)
+    if survives is not None:
+        found = found.survives(survives, values=_values(set_ or []), poses=poses, say=_say)
+    elif set_:
+        raise InputError(Problem("--set", "--survives SCENARIO, whose values it changes", "none"))
     folder = made(out or Path("results") / urdf.stem)
-    fmu = found.save(folder, fmi=fmi, platforms=platform, progress=lambda text: print(text, file=sys.stderr))
+    fmu = found.save(folder, fmi=fmi, platforms=platform, progress=_say)
     for doubt in found.doubts:
         print(f"doubtful: {doubt}", file=sys.stderr)
     print(f"{found}\nwritten: {fmu}, {folder / 'robot.json'}, {folder / 'report.html'}")
+
+
+def _values(texts: list[str]) -> dict[str, object]:
+    from cosim.scenario import parse_override
+
+    return dict(parse_override(text) for text in texts)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

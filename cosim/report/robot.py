@@ -2,28 +2,32 @@
 
 import numpy as np
 
+from cosim.analysis.survival import Survival
 from cosim.arm.robot import Robot, finite
 from cosim.arm.serial_kinematics import frames, tip_position
 from cosim.arm.serial_table import home
 from cosim.report.html import Code, Report, Section, Table
 from cosim.report.plots import Colour, Figure, Mark, Plot, PlotAxis, Series
+from cosim.report.robot_survival import survival_section, survival_sentences
 
 SHOWN = 6000
 """Points of the workspace that are drawn."""
 
 
-def robot_report(robot: Robot, command: str = "") -> Report:
-    """The whole page."""
+def robot_report(robot: Robot, command: str = "", survival: Survival | None = None) -> Report:
+    """The whole page; survival: what two of them bear, where that was asked."""
     model, arm = robot.arm.model, robot.arm
-    parts = [_chain(robot), _bodies(robot), _workspace(robot), _masses(robot)]
+    parts = [] if survival is None else [survival_section(survival)]
+    parts += [_chain(robot), _bodies(robot), _workspace(robot), _masses(robot)]
     if arm.locked or arm.doubts:
-        parts.insert(2, _doubts(robot))
+        parts.insert(len(parts) - 2, _doubts(robot))
     origin: dict[str, object] = {"URDF": str(robot.source), "robot": model.name, "base": arm.chain.base}
     origin |= {"tip": f"{arm.chain.tip} ({arm.chain.why})"}
     if command:
         origin["command"] = command
     mood = "neutral" if arm.doubts else "good"
-    return Report(f"Robot: {robot.name}", "\n".join(robot_sentences(robot)), parts, origin, mood)
+    said = robot_sentences(robot) + ([] if survival is None else survival_sentences(survival))
+    return Report(f"Robot: {robot.name}", "\n".join(said), parts, origin, mood)
 
 
 def robot_sentences(robot: Robot) -> list[str]:

@@ -108,7 +108,9 @@ def test_phantom_arm_in_c_moves_as_the_tree(states):
     """The tree's torque for the acceleration that the C model answers is the torque that it was given."""
     model = CompiledModel("PhantomArm", pi=segment_pi(), viscous=0.0, coulomb=0.0).start()
     given = np.random.default_rng(4).uniform(-0.2, 0.2, (20, 3))
+    missed = []
     for q, dq, tau in zip(states[0][:20], states[1][:20], given, strict=True):
         model["q_link"], model["dq_link"], model["tau"] = q, dq, tau
         model.rates()
-        assert np.abs(torque(q, dq, model["ddq"]) - tau).max() < 1e-12
+        missed.append(np.abs(torque(q, dq, model["ddq"]) - tau).max())
+    assert max(missed) < 1e-12

@@ -82,14 +82,14 @@ def port(result: Result, wiring: Wiring, arm: str, kind: str) -> PortRecord | No
     A wall that is part of the arm (`f_contact`) stands in for what is wired into `f`.
     """
     sources = {link.target.variable: link for link in wiring.links if link.target.component == arm}
-    links = [sources.get(f"{kind}[{k}]") for k in (1, 2, 3)]
+    links = [sources.get(name) for name in wiring.descriptions[arm].elements(kind)]
     names = ("dq",) if kind == "tau" else ("dx_tip", "dx")
-    moved = next((n for n in names if f"{arm}.{n}[3]" in result.signals), None)
+    moved = next((n for n in names if links and f"{arm}.{n}[{len(links)}]" in result.signals), None)
     if moved is None:
         return None
     velocity = result.vector(f"{arm}.{moved}")
     wired = [link for link in links if link is not None and str(link.source) in result.signals]
-    if len(wired) == 3:
+    if len(wired) == len(links):
         force = [link.gain * result.signals[str(link.source)] + link.shift for link in wired]
         return PortRecord(np.column_stack(force), velocity)
     if kind == "f" and not any(links) and f"{arm}.f_contact[3]" in result.signals:

@@ -21,7 +21,7 @@ FACE = ("cosim", "cosim.__main__")
 HEAVY = {
     "fmpy": {"cosim.fmu", "cosim.exports.container"},
     "control": {"cosim.analysis.margin"},
-    "cvxpy": {"cosim.analysis.multiplier"},
+    "cvxpy": {"cosim.analysis.multiplier", "cosim.identification.consistent"},
     "flint": {"cosim.analysis.response"},
     "lxml": {"cosim.scenario.ssp_document", "cosim.exports.enumerations"},
     "h5py": {"cosim.results.files", "cosim.measured.hdf5"},  # our results, and files of laboratories

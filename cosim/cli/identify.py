@@ -33,7 +33,7 @@ def command(
         bool, typer.Option("--physical", help="force M > 0 over the workspace and friction that dissipates")
     ] = False,
 ) -> None:
-    """Identify the parameters of a PHANToM, of one joint, or of a joint with given regressor columns."""
+    """Identify the parameters of a PHANToM, of one joint, of a joint with given columns, or of an arm by its URDF."""
     import sys
 
     import cosim

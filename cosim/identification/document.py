@@ -4,6 +4,7 @@ import math
 from importlib.metadata import version
 from typing import Any
 
+from cosim.identification.essential import essential
 from cosim.identification.identification import Identification, unexcited
 from cosim.identification.idim import Idim, IdimFit
 
@@ -25,6 +26,8 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
             },
             "condition_number": found.identifiability.condition,
             "rank": found.identifiability.rank,
+            "grouped": dict(found.model.grouped()),
+            "essential": [str(label) for label in essential(found)] if found.model.grouped() else None,
             "unexcited": [str(label) for label in unexcited(found)],
             "mass_matrix_positive_definite": found.positive_definite,
             "intervals": {

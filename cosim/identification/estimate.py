@@ -43,7 +43,10 @@ def estimate(stack: Stack, method: Method, model: LinearModel) -> ParameterEstim
         weights = weights * (_huber(residual / sigma[joint]) if method.robust else 1.0)
         params = solve(y, tau, weights)
     if method.physical:
-        params = _physical(y, tau, weights, params, model.limits(stack.labels))
+        _, triangle = np.linalg.qr(np.column_stack([y, tau]) * np.sqrt(weights)[:, None])
+        size = len(params)
+        found = model.consistent(stack.labels, triangle[:size, :size], triangle[:size, -1])
+        params = _physical(y, tau, weights, params, model.limits(stack.labels)) if found is None else found
     sigma = joint_sigma(tau - y @ params, joint, len(sigma), False)
     return ParameterEstimate(params, weights, sigma)
 

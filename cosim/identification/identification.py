@@ -9,8 +9,9 @@ from cosim.identification.estimate import estimate
 from cosim.identification.fit import Fit, fit
 from cosim.identification.identifiability import Identifiability
 from cosim.identification.intervals import Spread
-from cosim.identification.linear_model import FRICTION, LinearModel, linear_model
+from cosim.identification.linear_model import FRICTION, LinearModel
 from cosim.identification.method import Method, suggested, taati
+from cosim.identification.models import linear_model
 from cosim.identification.stack import Stack, everything, with_columns
 from cosim.measured.label import Label
 from cosim.measured.notes import Doubt

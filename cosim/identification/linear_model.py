@@ -1,11 +1,9 @@
 """The linear model of each kind of device: its columns, what makes its parameters physical, what is known of them.
-
-`linear_model` chooses by the class of the device; a new kind registers its model here.
+`cosim.identification.models` chooses by the class of the device.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from functools import singledispatch
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, final
 
 import numpy as np
@@ -14,7 +12,6 @@ from attrs import frozen
 from cosim.arm.parameters import parameter_set
 from cosim.arm.workspace import LINKED, definiteness
 from cosim.identification.regressor import Actuator, RegressorColumns, axis, given, in_unit, phantom
-from cosim.measured.description import RecordingDescription
 from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice
 from cosim.measured.filtering import FilteredMotion, LowPass
 from cosim.measured.label import Label
@@ -60,6 +57,13 @@ class LinearModel(ABC):
         floor |= {k: SMALLEST for k, label in enumerate(labels) if label.name in self.inertias}
         return PhysicalLimits(np.eye(len(labels))[list(floor)], np.array(list(floor.values())))
 
+    def consistent(self, labels: Sequence[Label], triangle: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+        """Parameters (p,) that bodies can have, of the weighted equations triangle (p, p) params = target (p,).
+
+        None where `limits` says all that is asked of them.
+        """
+        return None
+
     def indefinite(self, labels: Sequence[Label], params: np.ndarray) -> str:
         """Why the mass matrix of these parameters (p,) is not positive definite; empty where it is."""
         inertia = Label("inertia")
@@ -86,6 +90,10 @@ class LinearModel(ABC):
     def frictionless(self) -> np.ndarray | None:
         """Parameters of the rigid body (p',) from another source, for the figures of torque; None where none is."""
         return None
+
+    def grouped(self) -> Mapping[str, str]:
+        """{parameter: what else it holds, in words}; empty where each stands for itself."""
+        return {}
 
 
 @final
@@ -170,30 +178,6 @@ class GivenModel(LinearModel):
 
     def columns(self, motion: FilteredMotion, low_pass: LowPass, velocity: float = 0.0) -> RegressorColumns:
         return given(motion, low_pass, self.names, velocity, self.unit)
-
-
-@singledispatch
-def linear_model(device: Device, description: RecordingDescription) -> LinearModel:
-    """The linear model of a description's device."""
-    raise NotImplementedError(f"no linear model of device {device.word!r}")
-
-
-@linear_model.register
-def _(device: PhantomDevice, description: RecordingDescription) -> LinearModel:
-    return PhantomModel(device, description.torque_unit)
-
-
-@linear_model.register
-def _(device: AxisDevice, description: RecordingDescription) -> LinearModel:
-    unit = description.torque_unit
-    band = description.servo is not None and description.servo.dead_band is None
-    return AxisModel(device, Actuator(unit, description.back_emf_at_joint, unit == description.si["tau"], band))
-
-
-@linear_model.register
-def _(device: RegressorDevice, description: RecordingDescription) -> LinearModel:
-    unit = description.torque_unit if description.torque_unit != "N" else "N.m"
-    return GivenModel(device, description.columns.regressor, unit)
 
 
 def _yaw_inertia_on_grid(count: int) -> np.ndarray:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.identification.linear_model import LinearModel, linear_model
+from cosim.identification.linear_model import LinearModel
 from cosim.identification.method import Method
+from cosim.identification.models import linear_model
 from cosim.identification.regressor import RegressorColumns, slow_columns
 from cosim.measured.device import Device
 from cosim.measured.filtering import FilteredMotion, derivative, motion, near_reversal, widened

@@ -3,7 +3,7 @@
 from cosim.measured.assembly import read
 from cosim.measured.columns import ColumnNames
 from cosim.measured.description import RecordingDescription, load_description, parse_description
-from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice
+from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice, RobotDevice
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
@@ -16,6 +16,7 @@ __all__ = [
     "Recording",
     "RecordingDescription",
     "RegressorDevice",
+    "RobotDevice",
     "Run",
     "load_description",
     "parse_description",

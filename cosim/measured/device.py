@@ -1,4 +1,4 @@
-"""What a recording was made on: a PHANToM, a single axis, or one joint whose regressor columns are given.
+"""What a recording was made on: a PHANToM, a single axis, one joint whose regressor columns are given, a robot.
 
 A new kind of device is a new class here, added to `DEVICES`. What other packages make of a device stands in one place
 each, chosen by its class: its linear model in `cosim.identification.linear_model`, its equations of motion in
@@ -7,11 +7,16 @@ each, chosen by its class: its linear model in `cosim.identification.linear_mode
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
 from typing import ClassVar, final
 
 from attrs import frozen
 
-from cosim.errors import Problem
+from cosim.arm.robot import Robot, read_robot
+from cosim.arm.serial import SerialModel
+from cosim.errors import InputError, Problem
+from cosim.measured import units
 from cosim.measured.columns import ColumnNames
 from cosim.measured.fields import FieldReader
 from cosim.measured.label import Label
@@ -184,4 +189,67 @@ class RegressorDevice(OneJoint):
         return [*found, Problem(where, "the regressor columns or a rigid torque", "neither")]
 
 
-DEVICES: tuple[type[Device], ...] = (PhantomDevice, AxisDevice, RegressorDevice)
+@final
+@frozen
+class RobotDevice(Device):
+    """An arm from its URDF, all joints from base to tip together: inertias, friction, rotors, offsets."""
+
+    word: ClassVar[str] = "robot"
+    found: Robot | None = None
+    named: tuple[str, ...] = ()
+
+    @property
+    def arm(self) -> SerialModel:
+        """The table of its joints."""
+        assert self.found is not None, "a description without a URDF has been refused"
+        return self.found.arm.model
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return self.arm.joints if self.found else self.named
+
+    def label(self, name: str, joint: int) -> Label:
+        return Label.of_joint(name, joint)
+
+    @classmethod
+    def read(cls, fields: FieldReader) -> "RobotDevice":
+        """urdf: a file beside the description, of which base and tip may be named; joints: in the columns' order."""
+        urdf, joints = fields.text("urdf"), fields.texts("joints")
+        if not urdf or fields.table.get("device") != cls.word:
+            return cls(None, joints)
+        names = {key: fields.text(key) or None for key in ("base", "tip")}
+        try:
+            return cls(read_robot(Path(fields.source).parent / urdf, names["base"], names["tip"]), joints)
+        except InputError as error:
+            fields.problems.extend(error.problems)
+            return cls(None, joints)
+
+    def problems(self, columns: ColumnNames, fields: FieldReader) -> list[Problem]:
+        if self.found is None:
+            if fields.text("urdf"):
+                return []  # the URDF has said what is wrong with it
+            return [Problem(f"{fields.source}: urdf", f"the URDF of device {self.word!r}", "nothing")]
+        arm, found = self.arm, super().problems(columns, fields)
+        if self.named and self.named != arm.joints:
+            expected = f"the joints from {self.found.arm.chain.base} to {self.found.arm.chain.tip}, in their order: "
+            got, advice = ", ".join(self.named), "name the ends of the arm with base and tip"
+            found.append(Problem(f"{fields.source}: joints", expected + ", ".join(arm.joints), got, advice))
+        if arm.sliding.any():
+            slides = ", ".join(name for name, slide in zip(arm.joints, arm.sliding, strict=True) if slide)
+            found.append(Problem(f"{fields.source}: urdf", "joints that turn", f"slides: {slides}", "lock them"))
+        return found + _unknown_torques(fields)
+
+
+def _unknown_torques(fields: FieldReader) -> list[Problem]:
+    """Joints of one arm have masses in common, so that their torques have to be in one unit of torque."""
+    tables = {key: fields.table.get(key, {}) for key in ("units", "scale")}
+    if not all(isinstance(table, Mapping) for table in tables.values()) or "tau" in tables["scale"]:
+        return []
+    given = tables["units"].get("tau", ())
+    names = [given] if isinstance(given, str) else given
+    unknown = [str(name) for name in names if units.spelled(str(name)) in units.ELECTRICAL]
+    expected, advice = "torques, since joints of one arm share their masses", "give [scale].tau, one factor a joint"
+    return [Problem(f"{fields.source}: [units].tau", expected, ", ".join(unknown), advice)] if unknown else []
+
+
+DEVICES: tuple[type[Device], ...] = (PhantomDevice, AxisDevice, RegressorDevice, RobotDevice)

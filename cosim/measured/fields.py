@@ -48,6 +48,14 @@ class FieldReader:
             return ()
         return tuple(float(value) for value in values)
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of texts; empty where the key is missing."""
+        values = self.table.get(key, ())
+        if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
+            self._wrong(key, "a list of names", values)
+            return ()
+        return tuple(values)
+
     def text(self, key: str) -> str:
         """A text; empty where the key is missing."""
         return str(self.table.get(key, ""))

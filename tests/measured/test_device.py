@@ -6,8 +6,8 @@ from cosim.closure.drive import ArmDrive, JointDrive, drive_of
 from cosim.closure.model.rigid_body import rigid_body
 from cosim.effects.moving_arm import arm_geometry
 from cosim.errors import InputError
-from cosim.identification.linear_model import linear_model
-from cosim.measured import AxisDevice, Label, PhantomDevice, RegressorDevice, parse_description
+from cosim.identification.models import linear_model
+from cosim.measured import AxisDevice, Label, PhantomDevice, RegressorDevice, RobotDevice, parse_description
 from cosim.measured.device import DEVICES, Device
 
 COLUMNS = {"q": ["q"], "tau": ["tau"]}
@@ -69,7 +69,9 @@ def test_a_label_reads_what_it_prints(text):
 @pytest.mark.parametrize("choose", [linear_model, rigid_body])
 @pytest.mark.parametrize("kind", DEVICES)
 def test_every_device_has_a_linear_model_and_a_rigid_body(choose, kind):
-    assert choose.dispatch(kind) is not choose.dispatch(Device)
+    """But for a robot, whose loop `close-loop` refuses to close (tests/identification/test_robot_device.py)."""
+    known = choose.dispatch(kind) is not choose.dispatch(Device)
+    assert known != (choose is rigid_body and kind is RobotDevice)
 
 
 @pytest.mark.parametrize("choose", [linear_model, rigid_body, drive_of, arm_geometry])

@@ -20,7 +20,7 @@ from cosim.analysis.twin import judged_run
 from cosim.engine.isolation import called, runner
 from cosim.fmu import FmuSet
 from cosim.results.summary import number
-from cosim.scenario import Scenario, with_parameters
+from cosim.scenario import Scenario
 from cosim.wiring import Wiring
 
 REPLAYED = (0.9, 1.1)
@@ -170,7 +170,7 @@ def _delayed(scenario: Scenario, system: FmuSet, delay: float) -> Scenario:
     for name in channel_bounds(system.wiring(scenario)):
         values |= {f"{name}.law": "constant", f"{name}.delay_mean": delay, f"{name}.loss_to_bad": 0.0}
         values |= {f"{name}.loss_good": 0.0}
-    return with_parameters(scenario, values)
+    return scenario.with_values(values)
 
 
 # --- gains ------------------------------------------------------------------------------------------------------------
@@ -197,7 +197,7 @@ def _gain_changes(scenario: Scenario, system: FmuSet, least: BorneDelays, say: S
         for factor in (CHANGE, 1.0 / CHANGE):
             say(f"{gain} times {factor:g}")
             starts = {path: wiring.start(*path.split(".", 1)) for path in paths}
-            changed = with_parameters(scenario, {path: factor * value for path, value in starts.items()})
+            changed = scenario.with_values({path: factor * value for path, value in starts.items()})
             borne = _borne(changed, system)
             bounds = [(getattr(borne, b), getattr(least, b)) for b in ("any_mass", "any_law", "constant")]
             if all(not _longer(a, b) and not _longer(b, a) for a, b in bounds):

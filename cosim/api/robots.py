@@ -18,6 +18,8 @@ from cosim.arm.serial import SerialModel
 from cosim.arm.serial_table import arm_values
 from cosim.errors import InputError, Problem, RunError
 from cosim.fmu import open_system
+from cosim.identification.excitation import Excitation
+from cosim.identification.robot_excitation import robot_excitation
 from cosim.results.provenance import command_line, versions
 from cosim.results.saving import save_files, write_json
 from cosim.scenario import Scenario
@@ -82,13 +84,19 @@ class RobotResult:
         """
         given = scenario if isinstance(scenario, Scenario) else load(scenario)
         chosen = with_arm(given, self.model).with_values(values or {})
-        if isinstance(poses, int):
-            if poses < 1:
-                raise InputError(Problem("poses", "1 or more", str(poses)))
-            poses = looked_at_poses(given, self.model, poses).tolist()
-        posed = [standing_at(chosen, self.model, pose) for pose in poses]
+        if isinstance(poses, int) and poses < 1:
+            raise InputError(Problem("poses", "1 or more", str(poses)))
+        places = looked_at_poses(given, self.model, poses).tolist() if isinstance(poses, int) else poses
+        posed = [standing_at(chosen, self.model, pose) for pose in places]
         with open_system(posed[0], say) as system:
             return evolve(self, survival=survival(posed, system, say or (lambda text: None)))
+
+    def excitation(self, duration: float = 60.0, *, seed: int = 0, rounds: int = 100) -> Excitation:
+        """A motion [rad] of so many seconds that identifies the arm, inside its limits: see `robot_excitation`.
+
+        Its `motion(time)` gives q, dq, ddq. Raises InputError where the motors cannot make one.
+        """
+        return robot_excitation(self.model, duration, seed, rounds)
 
     def fmu(
         self,

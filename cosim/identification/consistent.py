@@ -8,6 +8,7 @@ data decide where they can, the URDF where they cannot. The only module here tha
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -58,7 +59,9 @@ def consistent_fit(
     scale = np.linalg.norm(triangle, axis=0)
     fit = cp.sum_squares((triangle / scale) @ cp.multiply(scale, params) - target)
     held = cp.sum_squares(links - prior.links / unit)
-    conditions = [_pseudo_inertia(cp, links[10 * i : 10 * i + 10]) >> LEAST * np.eye(4) for i in range(count)]
+    conditions: list[Any] = [
+        _pseudo_inertia(cp, links[10 * i : 10 * i + 10]) >> LEAST * np.eye(4) for i in range(count)
+    ]
     conditions += [others[k] >= floor for k, floor in enumerate(floors) if floor is not None]
     problem = cp.Problem(cp.Minimize(fit + held), conditions)
     try:
@@ -74,7 +77,7 @@ def _unit(mass: float, length: float) -> np.ndarray:
     return mass * np.array([1.0, *(length,) * 3, *(length**2,) * 6])
 
 
-def _pseudo_inertia(cp, link):
+def _pseudo_inertia(cp: Any, link: Any) -> Any:
     """(4, 4) of (m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz), all in the link's own units."""
     entry = {pair: link[4 + k] for k, pair in enumerate(_TRIANGLE)}
     half = 0.5 * (link[4] + link[6] + link[9])

@@ -20,12 +20,12 @@ def essential(found: Identification) -> tuple[Label, ...]:
     residual = tau - y @ found.params[list(found.identifiability.base)]
     spread = np.array([np.sqrt(np.mean(residual[joint == j] ** 2)) for j in range(base.tau.shape[1])])
     root = 1 / np.maximum(spread, 1e-12)[joint]
-    triangle = np.linalg.qr(np.column_stack([y, tau]) * root[:, None], mode="r")
+    triangle = np.asarray(np.linalg.qr(np.column_stack([y, tau]) * root[:, None], mode="r"))
     correlated = float(np.median(found.spread.std / np.maximum(found.spread.std_white, 1e-300)))
     kept = list(range(y.shape[1]))
     while kept:
         part = triangle[:, [*kept, -1]]
-        small = np.linalg.qr(part, mode="r")
+        small = np.asarray(np.linalg.qr(part, mode="r"))
         inverse = np.linalg.inv(small[: len(kept), : len(kept)])
         params = inverse @ small[: len(kept), -1]
         sure = np.abs(params) / (correlated * np.sqrt((inverse**2).sum(axis=1)))

@@ -83,7 +83,7 @@ def pinocchio_calls(name: str, arm):
     import pinocchio as pin
 
     theirs = PinocchioArm.of(name, arm).model
-    q, dq, _, tau, _ = next(states(arm.model, 1, 1))
+    q, dq, _, tau, _ = states(arm.model, 1, 1)[0]
     at, data = PinocchioArm(theirs, "").pose(q), theirs.createData()
     one, rest = pin.Model(), np.zeros(1)
     joint = one.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j")

@@ -106,6 +106,7 @@ def test_what_is_wrong_with_a_description_is_named(rig, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_coverage_over_a_hundred_recordings(rig, tmp_path):
     inside = np.concatenate([covered(rig, tmp_path, 100 + seed) for seed in range(100)])
     print(f"\n{inside.mean():.4f} of {inside.size} intervals hold the true value")

@@ -8,8 +8,8 @@ from cosim.identification.estimate import ParameterEstimate, estimate
 from cosim.identification.identifiability import Identifiability, identifiability
 from cosim.identification.intervals import Spread, spread
 from cosim.identification.linear_model import LinearModel
-from cosim.identification.models import linear_model
 from cosim.identification.method import Method
+from cosim.identification.models import linear_model
 from cosim.identification.stack import Stack, coulomb_label, stack, with_columns, without
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording

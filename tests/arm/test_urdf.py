@@ -150,7 +150,7 @@ def test_all_faults_of_a_file_are_told_together(tmp_path):
 
 
 def test_files_that_are_not_there_and_xacro_by_name(tmp_path):
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_urdf(tmp_path / "none.urdf")
     with pytest.raises(InputError, match="run xacro on it"):
         arm_of("<robot", tmp_path, name="arm.xacro")

@@ -214,6 +214,7 @@ def test_files_that_are_no_certificates(folder, tmp_path):
     assert invoke("verify", tmp_path / "none.json").exit_code == 2
 
 
+@pytest.mark.slow
 def test_without_the_extra_the_destroying_law_still_comes(scenario, monkeypatch):
     monkeypatch.setitem(sys.modules, "cvxpy", None)
     found = cosim.stability(scenario, any_delay=True).to_dict()["any_delay"]

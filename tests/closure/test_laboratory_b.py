@@ -15,6 +15,8 @@ from tests.support.laboratory_b.nominal import exact_rms, least_squares
 from tests.support.laboratory_b.plant import simulate
 from tests.support.laboratory_b.surroundings import OUTSIDE_ANYWHERE, OUTSIDE_TWO_JOINTS
 
+QUICK = ("stribeck", "position_torque", "hysteresis", "backlash")
+
 
 @pytest.mark.parametrize("draw", [three_joints, six_joints])
 def test_columns_times_masses_are_mujoco_s_inverse_dynamics(draw):
@@ -135,12 +137,13 @@ def test_the_description_names_columns_of_the_table(tmp_path, kind, joints):
     assert truth["shows"] >= 0 and (truth["shows"] == 0) == (kind == "complete")
 
 
-@pytest.mark.parametrize("name", sorted(FORMS))
+@pytest.mark.parametrize("name", [x if x in QUICK else pytest.param(x, marks=pytest.mark.slow) for x in sorted(FORMS)])
 def test_every_phenomenon_shows_about_as_much_as_is_asked(name):
     recording = generate(1, "one", name, strength=1.5, longest=8, joints=3 if name in HIDDEN_ON_AN_AXIS else 1)
     assert 0.75 < recording.shows < 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [*OUTSIDE_ANYWHERE, *OUTSIDE_TWO_JOINTS])
 def test_what_is_in_no_book_shows_too(form):
     joints = 3 if form in OUTSIDE_TWO_JOINTS else 1

@@ -1,0 +1,83 @@
+"""close-loop on recordings of a laboratory that knows nothing of it: what it names, against what was put in.
+
+python -m tests.closure.laboratory_study a --kind one --count 40 --first 1000
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from collections import Counter
+from importlib import import_module
+from pathlib import Path
+
+from scipy.stats import beta
+
+import cosim
+
+LEAST = 0.75
+"""Of the noise floor that an effect has to add before it counts as one that shows."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("laboratory", choices=["a", "b"])
+    parser.add_argument("--kind", choices=["one", "complete", "pair", "outside"], default="one")
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--first", type=int, default=1000, help="first seed")
+    given = parser.parse_args()
+    generate = import_module(f"tests.support.laboratory_{given.laboratory}").generate
+    found = Counter[str]()
+    for seed in range(given.first, given.first + given.count):
+        with tempfile.TemporaryDirectory() as name:
+            generate(seed, kind=given.kind).write(Path(name))
+            truth = json.loads((Path(name) / "truth.json").read_text(encoding="utf-8"))
+            answer = answered(Path(name) / "data.csv")
+        words = judged(truth, answer, given.kind)
+        found.update(words)
+        print(seed, truth["phenomena"], f"{truth['shows']:.2f}", told(answer), words, file=sys.stderr, flush=True)
+    counted = found["counted"]
+    for word, count in found.items():
+        if word != "counted":
+            print(f"{word:<12} {count:4d} of {counted}  {bounds(count, counted)}")
+
+
+def answered(recording: Path) -> dict:
+    """closure.json; a refusal as an error of the input counts as refused."""
+    try:
+        return cosim.close_loop([recording], replay=False).to_dict()
+    except cosim.InputError as error:
+        return {"verdict": "refused", "effects": [], "why": str(error)}
+
+
+def told(answer: dict) -> str:
+    """The answer in one line."""
+    effects = [f"{e['name']}{e['joints']}~{','.join(e['indistinguishable_from'])}" for e in answer["effects"]]
+    return f"{answer['verdict']}: {' '.join(effects)}"
+
+
+def judged(truth: dict, answer: dict, kind: str) -> list[str]:
+    """How an answer counts; nothing where the effect does not show."""
+    if kind != "complete" and truth["shows"] < LEAST:
+        return []
+    words = ["counted", answer["verdict"]]
+    there = {name for name in truth["phenomena"] if not name.startswith("unknown")} | set(truth.get("alike", []))
+    sets = [{e["name"], *e["indistinguishable_from"]} for e in answer["effects"]]
+    sure = {e["name"] for e in answer["effects"] if not e["indistinguishable_from"]} - {"unknown"}
+    wanted = [name for name in truth["phenomena"] if not name.startswith("unknown")]
+    if kind in ("one", "pair") and all(any({name, *truth.get("alike", [])} & s for s in sets) for name in wanted):
+        words.append("right")
+    if kind == "outside" and (answer["verdict"] == "unexplained" or any("unknown" in s for s in sets)):
+        words.append("right")
+    return words + ["sure wrong"] * bool(sure - there)
+
+
+def bounds(count: int, of: int) -> str:
+    """Clopper-Pearson, 95 %, two-sided."""
+    low = beta.ppf(0.025, count, of - count + 1) if count else 0.0
+    high = beta.ppf(0.975, count + 1, of - count) if count < of else 1.0
+    return f"{100 * count / of:5.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+if __name__ == "__main__":
+    main()

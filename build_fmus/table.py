@@ -21,6 +21,8 @@ StartValue = float | str | Sequence[float]
 SETTABLE = ("input", "parameter", "tunable")
 FMI_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?", re.ASCII)
 RESERVED = ("origin", "step", "text", "time")
+MOST_SCALARS = 10_000
+"""Scalars of a model: their names and descriptions are some megabytes of XML then, and take seconds to check."""
 ANY_UNIT = "any"
 """The unit of a row whose signals are in whatever unit comes: none is declared."""
 
@@ -267,6 +269,13 @@ def check(table: ModelTable) -> Iterable[str]:
     """Every contradiction in the table."""
     if not re.fullmatch(r"[A-Za-z_]\w*", table.model.name, re.ASCII):
         yield f"{table.model.name!r} is no name for a model (a C identifier)"
+    for key, seconds in (("stop", table.experiment.stop), ("step", table.experiment.step)):
+        if not 0.0 < seconds < math.inf:
+            yield f"[experiment] {key}: expected seconds above zero, got {seconds}"
+    scalars = sum(v.width for v in table.variable)
+    if scalars > MOST_SCALARS:
+        yield f"{scalars} scalars in all; FMI 2.0 names each of them, at most {MOST_SCALARS} are built"
+        return
     names = [v.name for v in table.variable] + [p.name for p in table.private]
     for name in names:
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in RESERVED:

@@ -47,13 +47,13 @@ def compare(
     for name, value in (("--tolerance", tolerance), ("--time-tolerance", time_tolerance)):
         if value is not None and not 0.0 <= value < float("inf"):
             raise InputError(Problem(name, "zero or a positive number", str(value)))
+    if len({_of_a_sweep(item) for item in items}) > 1:
+        raise InputError(Problem("compare", "runs, or sweeps", "both", "compare them apart"))
     opened = [_opened(item, progress or (lambda text: None)) for item in items]
     called = _distinct(list(names) if names else [_label(item, found) for item, found in zip(items, opened)])
     if len(called) != len(opened):
         raise InputError(Problem("names", f"{len(opened)}, one an item", str(len(called))))
     maps = [_map(name, found) for name, found in zip(called, opened) if isinstance(found, (SweepTable, StabilityMap))]
-    if maps and len(maps) < len(opened):
-        raise InputError(Problem("compare", "runs, or sweeps", "both", "compare them apart"))
     if maps:
         pairs = tuple(pair_maps(maps[0], other) for other in maps[1:])
         return ComparisonResult(MapsCompared(tuple(maps), pairs, tolerance))
@@ -87,6 +87,14 @@ def _opened(item: Compared, say: Callable[[str], None]) -> RunResult | SweepTabl
         say(f"running {scenario.name}")
         return run(scenario)
     return read_traces(path)
+
+
+def _of_a_sweep(item: Compared) -> bool:
+    """Whether an item is a sweep or one's result; nothing is carried out."""
+    if isinstance(item, (RunResult, SweepTable, Scenario)):
+        return isinstance(item, SweepTable)
+    path = Path(item)
+    return (path / "sweep.h5").is_file() or path.name == "sweep.h5" or _is_sweep(path, str(item))
 
 
 def _is_sweep(path: Path, name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import re
 from collections.abc import Iterator
 from enum import StrEnum
@@ -40,6 +41,9 @@ KINDS = {
     "description": Kind("description.toml", "NAME", "cosim data DATA.csv --description {0}", ".toml"),
 }
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_C_WORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
+    register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"""
+_TAKEN = {word.lower() for word in (*keyword.kwlist, *keyword.softkwlist, *_C_WORDS.split())}
 _FILE = re.compile(r"[\w][\w .+-]*")
 
 
@@ -86,8 +90,12 @@ def _kind(kind: str, language: str) -> Kind:
 def _check(kind: str, called: str, target: Path) -> None:
     """Raises InputError for a name that cannot be one, and where something is there already."""
     code = kind in ("controller", "model", "effect")
-    if not (_IDENTIFIER if code else _FILE).fullmatch(called):
-        wanted = "letters, digits and _, a letter first" if code else "letters, digits, blanks and . + - _"
+    if not (_IDENTIFIER if code else _FILE).fullmatch(called) or (code and called.lower() in _TAKEN):
+        wanted = (
+            "letters, digits and _, a letter first, no word of C or Python"
+            if code
+            else "letters, digits, blanks and . + - _"
+        )
         raise InputError(Problem("name", wanted, repr(called), "it names a file and, in code, a class or a struct"))
     if target.exists():
         raise InputError(

@@ -30,5 +30,5 @@ def command(
     found.save(folder)
     print(f"{found}\nwritten to {folder}: open report.html in a browser")
     if found.agrees is False:
-        print("error: not within the tolerance", file=sys.stderr)
+        print("error: not within the tolerance, or not with the same end (above)", file=sys.stderr)
         sys.exit(1)

@@ -3,6 +3,7 @@
 Figures are made without pyplot, so nothing is global and threads do not meet.
 """
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,8 @@ def save_figure(figure: Figure, path: Path, width: float, height: float | None =
     """Write a figure of a width [mm]; the ending of the name says the format. Raises InputError for one that there is
     not.
     """
+    _positive("width [mm]", width)
+    _positive("height [mm]", 1.0 if height is None else height)
     fig = drawn(figure, width, height)
     known = fig.canvas.get_supported_filetypes()
     ending = path.suffix.removeprefix(".").lower()
@@ -96,6 +99,11 @@ def save_figure(figure: Figure, path: Path, width: float, height: float | None =
     with matplotlib.rc_context(_STYLE):
         fig.savefig(path, dpi=300, metadata={"Date": None} if ending == "svg" else None)
     return path
+
+
+def _positive(name: str, value: float) -> None:
+    if not 0.0 < value < math.inf:
+        raise InputError(Problem(name, "a number above zero", str(value)))
 
 
 def _draw(axes: Axes, plot: Plot, last: bool) -> None:
@@ -190,6 +198,7 @@ def save_movie(play: Playback, path: Path, speed: float = 1.0, rate: int = 25) -
     """The arms in motion as a movie, `speed` times as fast as they were, `rate` pictures a second: GIF, or what ffmpeg
     writes where it is installed. Raises InputError where that is missing.
     """
+    _positive("speed", speed)
     writer = _writer(path, rate)
     path.parent.mkdir(parents=True, exist_ok=True)
     style: dict[Any, object] = {**_STYLE, "axes.grid": False, "figure.facecolor": "white"}

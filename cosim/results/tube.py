@@ -61,13 +61,16 @@ def departure(
     """Compare values (n,) over time (n,) with a reference (m,) over its own time (m,), each in rising order."""
     shared = (time >= reference_time[0]) & (time <= reference_time[-1])
     t, y = time[shared], values[shared]
-    difference = np.abs(y - np.interp(t, reference_time, reference))
-    difference[np.isnan(y)] = np.inf  # a value that is none agrees with nothing
+    wanted = np.interp(t, reference_time, reference)
+    difference = np.abs(y - wanted)
+    none = np.isnan(y) & np.isnan(wanted)
+    difference[none] = 0.0
+    difference[np.isnan(difference)] = np.inf  # a value that is none agrees with no number
     worst = int(np.argmax(difference))
     found = float(difference[worst]), float(t[worst]), float(np.sqrt(np.mean(difference**2))), len(t)
     if tube is None:
         return Departure(*found)
     low, high = tube.bounds(t, reference_time, reference)
-    outside = ~((y >= low) & (y <= high))
+    outside = ~(((y >= low) & (y <= high)) | none)
     first = float(t[int(np.argmax(outside))]) if outside.any() else None
     return Departure(*found, tube.height, float(outside.mean()), first)

@@ -65,6 +65,7 @@ def test_equal_sides_at_rest_fall_into_three_axes(opened):
     assert 1e-4 < joined_apart(opened.loop.loop, slower) < 1e-2
 
 
+@pytest.mark.slow
 def test_sides_that_couple_the_axes_stay_one_loop(scenario):
     turned = scenario.with_values({"controller_l.damping": [0.09, 0.1, 0.12], "arm_*.q_start": [0.3, 0.3, 0.4]})
     with open_system(turned) as system:
@@ -129,6 +130,7 @@ def test_the_destroying_scenario_runs_as_it_is(folder):
     np.testing.assert_allclose(result["channel_lr.delay_now"][1:], table[steps % len(table), 1], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_certificate_is_checked_and_is_that_of_its_scenario(folder):
     words = [w for k, v in (COARSE | {"arm_*.parameter_set": "GCW"}).items() for w in ("--set", f"{k}={v}")]
     same = invoke("verify", folder / "certificate.json", "--scenario", "eq10-counterexample", *words)

@@ -91,7 +91,13 @@ def test_nothing_is_overwritten_and_names_are_checked(controller, capsys, tmp_pa
     before = (controller / "law.h").read_bytes()
     assert exit_code(capsys, "new", "controller", controller)[0] == 2
     assert (controller / "law.h").read_bytes() == before
-    wrong = (("controler", "A"), ("controller", "2nd"), ("effect", "a-b"), ("model", "M", "--language", "python"))
+    wrong = (
+        ("controler", "A"),
+        ("controller", "2nd"),
+        ("effect", "a-b"),
+        ("effect", "class"),
+        ("model", "M", "--language", "python"),
+    )
     for words in wrong:
         code, text = exit_code(capsys, "new", words[0], tmp_path / words[1], *words[2:])
         assert code == 2 and "expected" in text
@@ -280,6 +286,7 @@ def test_an_own_controller_is_exported_with_its_parameters(controller, tmp_path)
 # --- the page ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_page_runs_as_it_stands(tmp_path, monkeypatch, capsys):
     """Every command of own-controller.md in an empty folder, its files written; short runs and maps of four points."""
     monkeypatch.chdir(tmp_path)

@@ -103,6 +103,16 @@ def test_unknown_keys_get_a_suggestion(tmp_path):
         load_table(write_table(tmp_path, row))
 
 
+def test_times_and_sizes_that_no_model_has_are_refused_before_anything_is_compiled(tmp_path):
+    row = '[[variable]]\nname = "u"\ncausality = "input"\nunit = "N"\ndescription = "d"\n'
+    path = write_table(tmp_path, row)
+    path.write_text(path.read_text().replace("step = 0.1", "step = nan").replace("stop = 1.0", "stop = -1.0"))
+    with pytest.raises(BuildError, match=r"step: expected seconds above zero, got nan"):
+        load_table(path)
+    with pytest.raises(BuildError, match="1000000 scalars"):
+        load_table(write_table(tmp_path, f"{row}size = 1000000\n"))
+
+
 def test_all_problems_of_a_table_are_listed(tmp_path):
     rows = "".join(
         f'[[variable]]\nname = "{name}"\ncausality = "{causality}"\ndescription = "d"\n{more}\n'

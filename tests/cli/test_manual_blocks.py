@@ -43,7 +43,7 @@ def run(words: list[str], folder: Path) -> str:
     return done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("slug", RUNNING)
+@pytest.mark.parametrize("slug", [s if s == "scenario" else pytest.param(s, marks=pytest.mark.slow) for s in RUNNING])
 def test_blocks(slug, tmp_path):
     assert blocks(SOURCES[slug])
     for language, name, text in blocks(SOURCES[slug]):

@@ -23,6 +23,8 @@ MACHINES = {
     "six": lambda rng: machines.chain(rng, 6, "rigid"),
 }
 
+pytestmark = pytest.mark.slow  # the laboratory is proven by its own command; nothing normal stands on it
+
 
 def drawn(accepts, wanted=()):
     """The first experiment of the seeds that is accepted, and its random numbers."""

@@ -74,6 +74,7 @@ def identified(file, physical: bool):
     return identify(recording, adjusted(suggested(recording), None, None, None, False, physical))
 
 
+@pytest.mark.slow
 def test_physical_parameters_on_little_data(rig, tmp_path):
     """Eight seconds: plain least squares is far off in places; with bodies and the URDF's prior it is nearer."""
     file = described(tmp_path, rig.record(4, duration=8.0))

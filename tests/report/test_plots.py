@@ -138,3 +138,12 @@ parameters = {{ q_start = [0.3, -0.2] }}
     assert np.ptp(q, axis=0).max() > 1e-3, "it falls"
     assert np.abs(arm.tip - tip_position(robot.model, q)).max() < 1e-12
     assert np.abs(arm.points[:, 1:-1] - frames(robot.model, q).origin).max() < 1e-12
+
+
+@pytest.mark.parametrize("words", [("--width", "nan"), ("--height", "nan"), ("--movie", "m.gif", "--speed", "nan")])
+def test_sizes_that_are_no_numbers_are_bad_input(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cosim.run(cosim.load("sallam-nodelay").with_values({"experiment.stop": 0.1})).save("r", report=False)
+    with pytest.raises(SystemExit) as left:
+        main(["plot", "r", "arm_l.x", "--out", "f.pdf", *words])
+    assert left.value.code == 2 and "a number above zero, got nan" in capsys.readouterr().err

@@ -87,3 +87,10 @@ def test_a_curve_that_ends_early_does_not_agree():
     whole = traces("whole", TIME, y=RAMP)
     assert not pair(whole, traces("short", TIME[:6], y=RAMP[:6]), Tolerance(0.1)).agrees
     assert pair(whole, traces("whole again", TIME, y=RAMP), Tolerance(0.0)).same
+
+
+def test_a_value_that_is_none_agrees_with_none_and_with_nothing_else():
+    holes = np.where(TIME > 0.55, np.nan, RAMP)
+    found = pair(traces("a", TIME, y=holes), traces("b", TIME, y=holes), Tolerance(0.0))
+    assert found.same and found.agrees
+    assert not pair(traces("a", TIME, y=RAMP), traces("b", TIME, y=holes), Tolerance(0.5)).agrees

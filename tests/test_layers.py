@@ -26,7 +26,7 @@ HEAVY = {
     "lxml": {"cosim.scenario.ssp_document", "cosim.exports.enumerations"},
     "h5py": {"cosim.results.files", "cosim.measured.hdf5"},  # our results, and files of laboratories
     "matplotlib": {"cosim.report.canvas"},
-    "jinja2": {"cosim.report.html", "cosim.report.manual"},
+    "jinja2": {"cosim.report.html"},
     "markdown_it": {"cosim.report.manual"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.cli import main
 from cosim.errors import InputError
 from cosim.sweeps.shift import StabilityMap, pair_maps
+from tests.support.commands import told
 
 BRIEF = {"experiment.stop": 0.5}
 
@@ -24,19 +24,11 @@ def folders(tmp_path_factory) -> Path:
     return home
 
 
-def code(capsys, *words) -> tuple[int, str]:
-    capsys.readouterr()
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    told = capsys.readouterr()
-    return left.value.code or 0, told.out + told.err
-
-
 # --- runs -------------------------------------------------------------------------------------------------------------
 
 
 def test_a_run_again_has_the_same_bits(folders, capsys, tmp_path):
-    status, text = code(
+    status, text = told(
         capsys, "compare", folders / "plain", folders / "again", "--tolerance", 0, "--out", tmp_path / "c"
     )
     assert status == 0 and "the same to the last bit" in text
@@ -47,13 +39,13 @@ def test_a_run_again_has_the_same_bits(folders, capsys, tmp_path):
 
 def test_what_was_given_and_what_came_of_it(folders, tmp_path):
     found = cosim.compare([folders / "plain", folders / "stiff"])
-    told = found.to_dict()
-    assert {row["what"]: row["values"] for row in told["given"]} == {
+    document = found.to_dict()
+    assert {row["what"]: row["values"] for row in document["given"]} == {
         f"controller_{side}.stiffness[{k}]": [0.25, 0.3] for side in "lr" for k in (1, 2, 3)
     }
     first, other = (cosim.open_result(folders / name) for name in ("plain", "stiff"))
     apart = np.abs(first["arm_l.x[1]"] - other["arm_l.x[1]"])
-    signal = told["pairs"][0]["signals"]["arm_l.x[1]"]
+    signal = document["pairs"][0]["signals"]["arm_l.x[1]"]
     assert signal["max_difference"] == apart.max() and signal["at"] == first.time[apart.argmax()]
     assert signal["rms_difference"] == pytest.approx(np.sqrt(np.mean(apart**2)), rel=1e-12)
     assert found.agrees is None and found.plot().axes
@@ -66,10 +58,10 @@ def test_the_tolerance_at_its_edge_and_the_exit_code(folders, capsys, tmp_path):
     pair = cosim.compare([folders / "plain", folders / "stiff"]).found.pairs[0]
     edge = max(s.share for s in pair.signals)
     words = ("compare", folders / "plain", folders / "stiff", "--out", tmp_path / "c", "--tolerance")
-    assert code(capsys, *words, edge * (1 + 1e-12))[0] == 0
-    status, text = code(capsys, *words, edge * (1 - 1e-9))
+    assert told(capsys, *words, edge * (1 + 1e-12))[0] == 0
+    status, text = told(capsys, *words, edge * (1 - 1e-9))
     assert status == 1 and "1 of" in text and pair.worst.match.name in text
-    assert code(capsys, *words, -1)[0] == 2
+    assert told(capsys, *words, -1)[0] == 2
 
 
 def test_outcomes_that_differ_are_a_difference(folders):
@@ -88,10 +80,12 @@ def test_a_table_of_another_tool(folders, tmp_path):
     header = "time,model.root.arm_l.x[3] [mm],model.root.arm_l.x[1] [mm],model.root.arm_r.x[2]"
     np.savetxt(tmp_path / "theirs.csv", table, delimiter=",", header=header, comments="", fmt="%.17g")
     found = cosim.compare([first, tmp_path / "theirs.csv"], tolerance=1e-12)
-    told = found.to_dict()["pairs"][0]
-    assert found.agrees and set(told["signals"]) == {"arm_l.x[1]", "arm_l.x[3]", "arm_r.x[2]"}
-    assert told["signals"]["arm_l.x[1]"]["called"] == "model.root.arm_l.x[1]"
-    assert "converted from mm to m" in " ".join(told["notes"]) and "only in sallam-nodelay" in " ".join(told["notes"])
+    document = found.to_dict()["pairs"][0]
+    assert found.agrees and set(document["signals"]) == {"arm_l.x[1]", "arm_l.x[3]", "arm_r.x[2]"}
+    assert document["signals"]["arm_l.x[1]"]["called"] == "model.root.arm_l.x[1]"
+    assert "converted from mm to m" in " ".join(document["notes"]) and "only in sallam-nodelay" in " ".join(
+        document["notes"]
+    )
     table[20, 2] += 1.0
     np.savetxt(tmp_path / "theirs.csv", table, delimiter=",", header=header, comments="", fmt="%.17g")
     assert cosim.compare([first, tmp_path / "theirs.csv"], tolerance=1e-12).agrees is False
@@ -106,7 +100,7 @@ def test_our_own_csv_comes_back(folders):
 def test_scenarios_are_run(capsys, folders, tmp_path):
     spec = tmp_path / "mine.toml"
     spec.write_text(text_of(folders))
-    status, text = code(capsys, "compare", spec, folders / "plain", "--tolerance", 0, "--out", tmp_path / "c")
+    status, text = told(capsys, "compare", spec, folders / "plain", "--tolerance", 0, "--out", tmp_path / "c")
     assert status == 0 and "running mine" in text
 
 
@@ -158,8 +152,8 @@ def made(name: str, line, outcome=lambda x, y, edge: "growing" if y > edge(x) el
 def test_a_boundary_that_moved_up_by_a_tenth():
     found = pair_maps(made("a", lambda x: 1.5 + 0.5 * x), made("b", lambda x: 1.6 + 0.5 * x))
     (shift,) = found.shifts
-    told = shift.to_dict()
-    assert told["mean_shift"] == pytest.approx(0.1, abs=1e-12) and told["greatest_shift"] == pytest.approx(
+    document = shift.to_dict()
+    assert document["mean_shift"] == pytest.approx(0.1, abs=1e-12) and document["greatest_shift"] == pytest.approx(
         0.1, abs=1e-12
     )
     assert shift.alone == 0.0
@@ -194,12 +188,12 @@ def test_sweeps_with_and_without_viscosity(capsys, tmp_path):
     spec.write_text(LINE)
     for name, viscous in (("smooth", 0.0), ("viscous", 0.002)):
         cosim.sweep(spec, workers=1, set={"arm_*.viscous": viscous}, folder=tmp_path / name).save(tmp_path / name)
-    status, text = code(
+    status, text = told(
         capsys, "compare", tmp_path / "smooth", tmp_path / "viscous", "--tolerance", 0.001, "--out", tmp_path / "c"
     )
-    told = json.loads((tmp_path / "c" / "compare.json").read_text())
-    shifts = [b["mean_shift"] for b in told["pairs"][0]["boundaries"]]
-    assert status == 1 and len(shifts) == 2 and min(shifts) > 0.01 and told["agrees"] is False
+    document = json.loads((tmp_path / "c" / "compare.json").read_text())
+    shifts = [b["mean_shift"] for b in document["pairs"][0]["boundaries"]]
+    assert status == 1 and len(shifts) == 2 and min(shifts) > 0.01 and document["agrees"] is False
     assert "moved by +" in text and "arm_*.viscous" in (tmp_path / "c" / "report.html").read_text()
     again = cosim.compare([tmp_path / "smooth", tmp_path / "smooth"], tolerance=0.0)
     assert again.agrees and again.to_dict()["pairs"][0]["flipped"] == 0 and again.plot().axes

@@ -18,23 +18,15 @@ import cosim
 from build_fmus import cache
 from build_fmus.cli import app
 from cosim.api.starting import KINDS
-from cosim.cli import main
 from cosim.effects import load_effects
 from cosim.errors import InputError
 from cosim.exports.structure import write_ssp
 from cosim.fmu import describe, open_system
+from tests.support.commands import told
 from tests.support.paths import SOURCES
 
 SAME = ("arm_l.x", "arm_r.x", "controller_l.f")
 SHORT = {"experiment.stop": 0.5}
-
-
-def exit_code(capsys, *words) -> tuple[int, str]:
-    capsys.readouterr()
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    told = capsys.readouterr()
-    return left.value.code or 0, told.out + told.err
 
 
 @pytest.fixture
@@ -89,7 +81,7 @@ def test_new_files_are_read_by_what_they_are_for(tmp_path):
 
 def test_nothing_is_overwritten_and_names_are_checked(controller, capsys, tmp_path):
     before = (controller / "law.h").read_bytes()
-    assert exit_code(capsys, "new", "controller", controller)[0] == 2
+    assert told(capsys, "new", "controller", controller)[0] == 2
     assert (controller / "law.h").read_bytes() == before
     wrong = (
         ("controler", "A"),
@@ -99,13 +91,13 @@ def test_nothing_is_overwritten_and_names_are_checked(controller, capsys, tmp_pa
         ("model", "M", "--language", "python"),
     )
     for words in wrong:
-        code, text = exit_code(capsys, "new", words[0], tmp_path / words[1], *words[2:])
+        code, text = told(capsys, "new", words[0], tmp_path / words[1], *words[2:])
         assert code == 2 and "expected" in text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["MyController"]
 
 
 def test_every_kind_is_in_the_help(capsys):
-    assert "controller, model, effect, scenario, sweep or description" in exit_code(capsys, "new", "--help")[1]
+    assert "controller, model, effect, scenario, sweep or description" in told(capsys, "new", "--help")[1]
     assert list(KINDS) == ["controller", "model", "effect", "scenario", "sweep", "description"]
 
 
@@ -155,7 +147,7 @@ def test_a_mistake_is_pointed_at_in_the_users_file(file, controller, capsys):
     path.write_text(path.read_text().replace(old, new, 1))
     line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if new in text)
     place = f"{path}:{line}:" if ":" in place else place
-    code, text = exit_code(capsys, "run", controller / "scenario.toml", "--out", controller.parent / "r")
+    code, text = told(capsys, "run", controller / "scenario.toml", "--out", controller.parent / "r")
     assert code == 2 and place in text and "Traceback" not in text
     assert text.count(place) == 1  # two components share the model: it is told once
     with pytest.raises(InputError, match=re.escape(place)):
@@ -167,7 +159,7 @@ def test_a_mistake_in_python_is_pointed_at(tmp_path, capsys):
     folder = cosim.new("controller", tmp_path / "Slow", language="python").path
     path = folder / "Slow.py"
     path.write_text(path.read_text().replace("self.stiffness, self.damping =", "self.stiffness, self.dampng =", 1))
-    code, text = exit_code(capsys, "run", folder / "scenario.toml", "--out", tmp_path / "r")
+    code, text = told(capsys, "run", folder / "scenario.toml", "--out", tmp_path / "r")
     assert code == 2 and re.search(rf"{re.escape(str(path))}:\d+: AttributeError: .*'damping'", text)
     assert "Traceback" not in text
 
@@ -324,7 +316,7 @@ def run_line(line: str, capsys) -> None:
         assert CliRunner().invoke(app, words[1:]).exit_code == 0
         return
     brief = ["--set", "experiment.stop=0.5"] if words[1] == "run" else []
-    code, text = exit_code(capsys, *words[1:], *brief)
+    code, text = told(capsys, *words[1:], *brief)
     assert code == 0, f"{line}: {text}"
     if words[1] == "new":
         scenario = Path(words[3]) / "scenario.toml"

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.cli import main
 from cosim.results.files import read_h5, read_table
+from tests.support.commands import ended
 from tests.support.paths import DATA
 
 STAUBLI = DATA / "staubli_tx40" / "staubli_tx40_j6.csv"
@@ -122,10 +122,9 @@ def test_a_failed_run_is_a_result_that_keeps_its_rows():
 
 def command(capsys, *words) -> str:
     """Standard output of a command."""
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    assert left.value.code == 0
-    return capsys.readouterr().out
+    code, out, _ = ended(capsys, *words)
+    assert code == 0
+    return out
 
 
 def test_run_prints_and_writes_what_the_call_returns(tmp_path, capsys):

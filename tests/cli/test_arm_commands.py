@@ -7,10 +7,10 @@ from cosim.arm import dynamics
 from cosim.arm.dissection import TERMS, dissect, random_motion, sampled_motion
 from cosim.arm.parameters import parameter_set
 from cosim.arm.workspace import LINKED
-from cosim.cli import main
 from cosim.engine.master import run as simulate
 from cosim.results.files import write_h5
 from cosim.scenario import load_scenario
+from tests.support.commands import ended
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +48,6 @@ def test_gravity_of_joint_1_is_zero_and_friction_leads_there(motion):
     assert share[:, 2].argmax() == TERMS.index("gravity")
 
 
-def run(capsys, *words):
-    """Exit code, stdout, stderr of `cosim arm ...`."""
-    with pytest.raises(SystemExit) as ended:
-        main(["arm", *words])
-    return ended.value.code, *capsys.readouterr()
-
-
 @pytest.mark.parametrize(
     ("words", "printed", "shown"),
     [
@@ -67,7 +60,7 @@ def run(capsys, *words):
     ],
 )
 def test_command_prints_its_verdict_and_leaves_a_report(tmp_path, capsys, words, printed, shown):
-    code, out, _ = run(capsys, *words, "--out", str(tmp_path))
+    code, out, _ = ended(capsys, "arm", *words, "--out", str(tmp_path))
     page = (tmp_path / "report.html").read_text()
     assert code == 0
     assert printed in out and shown in page
@@ -84,7 +77,7 @@ def test_command_prints_its_verdict_and_leaves_a_report(tmp_path, capsys, words,
     ],
 )
 def test_bad_input_is_named(tmp_path, capsys, words, message):
-    code, _, err = run(capsys, *words, "--out", str(tmp_path))
+    code, _, err = ended(capsys, "arm", *words, "--out", str(tmp_path))
     assert code == 2
     assert message in err
     assert not list(tmp_path.iterdir())
@@ -94,11 +87,13 @@ def test_dissect_takes_the_motion_of_a_run(tmp_path, capsys):
     """The motion of a co-simulated arm instead of the random one, and what is said where there is no such arm."""
     simulated = simulate(load_scenario("identification", ["experiment.stop=5"]))
     result = str(write_h5(simulated, tmp_path / "result.h5"))
-    code, out, _ = run(capsys, "dissect", "--result", result, "--out", str(tmp_path))
+    code, out, _ = ended(capsys, "arm", "dissect", "--result", result, "--out", str(tmp_path))
     assert code == 0
     assert "joint 3: gravity" in out
     assert "taken as free motion" in (tmp_path / "report.html").read_text()
-    code, _, err = run(capsys, "dissect", "--result", result, "--component", "amr", "--out", str(tmp_path / "no"))
+    code, _, err = ended(
+        capsys, "arm", "dissect", "--result", result, "--component", "amr", "--out", str(tmp_path / "no")
+    )
     assert code == 2
     assert "did you mean 'arm'" in err
 

@@ -9,8 +9,8 @@ import pytest
 
 import cosim
 from cosim.arm.serial_dynamics import forward_dynamics
-from cosim.cli import main
 from tests.arm.test_urdf import FAULTS, GOOD, JOINTS, LINKS, link, robot
+from tests.support.commands import ended
 from tests.support.probe import Importer
 from tests.support.robots import apart
 
@@ -25,13 +25,6 @@ parameters = {{ q_start = [0.3, -0.2], gravity = [0.0, 0.0, -1.62] }}
 """
 
 
-def run(capsys, *words):
-    """Exit code, stdout, stderr."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(map(str, words)))
-    return ended.value.code, *capsys.readouterr()
-
-
 @pytest.fixture
 def urdf(tmp_path):
     path = tmp_path / "two.urdf"
@@ -40,7 +33,7 @@ def urdf(tmp_path):
 
 
 def test_it_writes_an_fmu_that_holds_the_arm(urdf, tmp_path, capsys):
-    code, out, err = run(capsys, "robot", urdf, "--out", tmp_path / "out")
+    code, out, err = ended(capsys, "robot", urdf, "--out", tmp_path / "out")
     assert code == 0, err
     assert "2 moving joints (2 revolute) from base to b" in out and "two.fmu" in out
     found = json.loads((tmp_path / "out" / "robot.json").read_text())
@@ -68,7 +61,7 @@ def test_its_fmu_runs_in_a_scenario(urdf, tmp_path):
 
 def test_tip_base_and_doubts(urdf, tmp_path, capsys):
     urdf.write_text(robot(*LINKS, link("c", ""), *JOINTS).replace("</robot>", "") + _fixed_tool() + "</robot>")
-    code, out, err = run(capsys, "robot", urdf, "--base", "a", "--tip", "c", "--out", tmp_path / "out", "--fmi", 2)
+    code, out, err = ended(capsys, "robot", urdf, "--base", "a", "--tip", "c", "--out", tmp_path / "out", "--fmi", 2)
     assert code == 0, err
     assert "1 moving joint (1 revolute) from a to c; the tip is named" in out
     data = json.loads((tmp_path / "out" / "robot.json").read_text())
@@ -83,11 +76,11 @@ def _fixed_tool() -> str:
 def test_bad_input_ends_with_2_and_writes_nothing(kind, tmp_path, capsys):
     path = tmp_path / "r.urdf"
     path.write_text(FAULTS[kind][0])
-    code, out, err = run(capsys, "robot", path, "--out", tmp_path / "out")
+    code, out, err = ended(capsys, "robot", path, "--out", tmp_path / "out")
     assert code == 2 and not out and FAULTS[kind][1][0] in err and not (tmp_path / "out").exists()
 
 
 def test_unknown_versions_and_platforms_are_bad_input(urdf, tmp_path, capsys):
     for words in (("--fmi", "4"), ("--platform", "amiga")):
-        code, _, err = run(capsys, "robot", urdf, "--out", tmp_path / "out", *words)
+        code, _, err = ended(capsys, "robot", urdf, "--out", tmp_path / "out", *words)
         assert code == 2 and words[1] in err

@@ -11,9 +11,8 @@ from collections import Counter
 from importlib import import_module
 from pathlib import Path
 
-from scipy.stats import beta
-
 import cosim
+from cosim.sweeps.shares import interval
 
 LEAST = 0.75
 """Of the noise floor that an effect has to add before it counts as one that shows."""
@@ -61,21 +60,20 @@ def judged(truth: dict, answer: dict, kind: str) -> list[str]:
     if kind != "complete" and truth["shows"] < LEAST:
         return []
     words = ["counted", answer["verdict"]]
-    there = {name for name in truth["phenomena"] if not name.startswith("unknown")} | set(truth.get("alike", []))
+    wanted = [name for name in truth["phenomena"] if not name.startswith("unknown")]
+    alike = set(truth.get("alike", []))
     sets = [{e["name"], *e["indistinguishable_from"]} for e in answer["effects"]]
     sure = {e["name"] for e in answer["effects"] if not e["indistinguishable_from"]} - {"unknown"}
-    wanted = [name for name in truth["phenomena"] if not name.startswith("unknown")]
-    if kind in ("one", "pair") and all(any({name, *truth.get("alike", [])} & s for s in sets) for name in wanted):
+    if kind in ("one", "pair") and all(any({name, *alike} & s for s in sets) for name in wanted):
         words.append("right")
     if kind == "outside" and (answer["verdict"] == "unexplained" or any("unknown" in s for s in sets)):
         words.append("right")
-    return words + ["sure wrong"] * bool(sure - there)
+    return words + ["sure wrong"] * bool(sure - alike - set(wanted))
 
 
 def bounds(count: int, of: int) -> str:
-    """Clopper-Pearson, 95 %, two-sided."""
-    low = beta.ppf(0.025, count, of - count + 1) if count else 0.0
-    high = beta.ppf(0.975, count + 1, of - count) if count < of else 1.0
+    """The share with its two-sided 95 % interval."""
+    low, high = interval(count, of, 0.95)
     return f"{100 * count / of:5.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
 

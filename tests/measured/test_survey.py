@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.cli import main
 from cosim.measured import parse_description
 from cosim.measured.template import Draft, text
 from tests.support.axis_rig import FAULTS, recorded
+from tests.support.commands import ended
 
 
 @pytest.fixture(scope="module")
@@ -102,16 +102,13 @@ def test_every_line_that_is_commented_out_is_a_key_that_descriptions_have(servo)
 
 
 def test_the_command_prints_what_comes_next(table, tmp_path, capsys):
-    with pytest.raises(SystemExit) as left:
-        main(["data", str(table), "--out", str(tmp_path)])
-    said = capsys.readouterr().out
-    assert left.value.code == 0 and str(cosim.data(table)) in said
+    code, said, _ = ended(capsys, "data", table, "--out", tmp_path)
+    assert code == 0 and str(cosim.data(table)) in said
     assert f"next: cosim identify {table} --description {tmp_path / 'description.toml'}" in said
 
 
 def test_the_command_leaves_with_2_where_the_description_does_not_fit(tmp_path, capsys):
     (tmp_path / "x.csv").write_text("a,b\n" + "\n".join(f"{k},{k}" for k in range(100)))
-    with pytest.raises(SystemExit) as left:
-        main(["data", str(tmp_path / "x.csv"), "--out", str(tmp_path)])
-    assert left.value.code == 2 and (tmp_path / "data.json").is_file()
-    assert "--description" in capsys.readouterr().err
+    code, _, err = ended(capsys, "data", tmp_path / "x.csv", "--out", tmp_path)
+    assert code == 2 and (tmp_path / "data.json").is_file()
+    assert "--description" in err

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.cli import main
 from cosim.cli.folder import named
 from cosim.results.files import read_table, write_table
 from cosim.results.saving import save_files, write_json
 from cosim.scenario.ssp_grammar import NAMESPACES
 from tests.support import hostile
+from tests.support.commands import ended
 
 COSIM = [sys.executable, "-m", "cosim"]
 SHORT = ["--set", "experiment.stop=8"]
@@ -52,6 +52,7 @@ def test_a_table_that_outgrows_its_disk_leaves_none(tmp_path):
 import resource, sys
 from pathlib import Path
 from cosim.results.files import write_table
+from tests.support.commands import ended
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 try:
     texts = {f"k{n}": "y" * 60_000 for n in range(10)}
@@ -165,10 +166,9 @@ def strange(tmp_path):
 def refused(folder, words, monkeypatch, capsys):
     """What a command says that ends with 2."""
     monkeypatch.chdir(folder)
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    assert ended.value.code == 2
-    return capsys.readouterr().err
+    code, _, err = ended(capsys, *words)
+    assert code == 2
+    return err
 
 
 @pytest.mark.timeout(60)  # a pipe that is opened is waited for

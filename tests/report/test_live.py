@@ -8,10 +8,10 @@ import pytest
 
 import cosim
 from cosim.api.runs import checked
-from cosim.cli import main
 from cosim.report.html import WEB
 from cosim.report.live import write_live
 from tests.support.browser import open_page
+from tests.support.commands import ended
 from tests.support.needs import node
 from tests.support.paths import ROOT
 
@@ -101,10 +101,8 @@ def test_recordings_and_fmus_of_others_are_refused_by_name(tmp_path, capsys):
     foreign = tmp_path / "foreign.toml"
     foreign.write_text(text.replace('model = "Operator"', f'fmu = "{fmu_path("Operator", 2)}"'))
     for scenario, named in ((str(foreign), "components.operator"), ("recorded-delay", "the recording")):
-        with pytest.raises(SystemExit) as left:
-            main(["live", scenario, "--out", str(tmp_path / "out")])
-        said = capsys.readouterr().err
-        assert left.value.code == 2 and named in said and "C sources" in said
+        code, _, said = ended(capsys, "live", scenario, "--out", tmp_path / "out")
+        assert code == 2 and named in said and "C sources" in said
         assert not (tmp_path / "out" / "live.html").exists()
 
 

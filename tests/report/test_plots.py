@@ -10,9 +10,9 @@ import cosim
 from cosim.arm.kinematics import L1, L2, forward, jacobian
 from cosim.arm.segments import Segments
 from cosim.arm.serial_kinematics import frames, tip_position
-from cosim.cli import main
 from cosim.report.motion import phantom_points, playback
 from tests.arm.test_urdf import GOOD
+from tests.support.commands import ended
 
 
 @pytest.fixture(scope="module")
@@ -25,15 +25,9 @@ def folder(result, tmp_path_factory):
     return result.save(tmp_path_factory.mktemp("result"), report=False)
 
 
-def command(capsys, *words):
-    with pytest.raises(SystemExit) as ended:
-        main(["plot", *map(str, words)])
-    return ended.value.code, *capsys.readouterr()
-
-
 def test_a_figure_has_the_width_that_a_paper_asks_for(folder, tmp_path, capsys):
     out = tmp_path / "figures" / "f.pdf"
-    code, _, err = command(capsys, folder, "arm_l.x", "arm_r.x[1]", "--out", out, "--width", 85, "--height", 60)
+    code, _, err = ended(capsys, "plot", folder, "arm_l.x", "arm_r.x[1]", "--out", out, "--width", 85, "--height", 60)
     assert code == 0, err
     box = re.search(rb"/MediaBox \[ *0 0 ([\d.]+) ([\d.]+) *\]", out.read_bytes())
     assert box and [float(side) * 25.4 / 72 for side in box.groups()] == pytest.approx([85, 60], abs=0.1)
@@ -50,7 +44,7 @@ def test_a_figure_has_the_width_that_a_paper_asks_for(folder, tmp_path, capsys):
 )
 def test_what_cannot_be_drawn_is_one_error(folder, words, told, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    code, _, err = command(capsys, folder, *words)
+    code, _, err = ended(capsys, "plot", folder, *words)
     assert code == 2 and "Traceback" not in err and list(tmp_path.iterdir()) == []
     assert [part for part in told if part not in err] == []
 
@@ -65,7 +59,7 @@ def test_what_is_drawn_is_what_was_recorded(result):
 
 def test_a_movie_shows_the_run_at_its_speed(folder, tmp_path, capsys):
     out = tmp_path / "m.gif"
-    code, _, err = command(capsys, folder, "--movie", out, "--speed", 4)
+    code, _, err = ended(capsys, "plot", folder, "--movie", out, "--speed", 4)
     assert code == 0, err
     with Image.open(out) as movie:
         seconds = 0.0
@@ -144,6 +138,5 @@ parameters = {{ q_start = [0.3, -0.2] }}
 def test_sizes_that_are_no_numbers_are_bad_input(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     cosim.run(cosim.load("sallam-nodelay").with_values({"experiment.stop": 0.1})).save("r", report=False)
-    with pytest.raises(SystemExit) as left:
-        main(["plot", "r", "arm_l.x", "--out", "f.pdf", *words])
-    assert left.value.code == 2 and "a number above zero, got nan" in capsys.readouterr().err
+    code, _, err = ended(capsys, "plot", "r", "arm_l.x", "--out", "f.pdf", *words)
+    assert code == 2 and "a number above zero, got nan" in err

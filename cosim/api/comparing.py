@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.api.card import card
 from cosim.api.runs import RunResult, load, open_result, run
 from cosim.api.sweeping import SweepTable, sweep
 from cosim.errors import InputError, Problem
+from cosim.opening import read_toml
 from cosim.results.compared import ComparedRun, RunsCompared
 from cosim.results.pairs import Tolerance, pair
 from cosim.results.saving import save_files, write_json
 from cosim.results.traces import Traces, read_traces
 from cosim.scenario import Scenario, shipped
+from cosim.scenario.ssp_grammar import STRUCTURE
 from cosim.sweeps.shift import MapsCompared, StabilityMap, pair_maps, read_map
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def _opened(item: Compared, say: Callable[[str], None]) -> RunResult | SweepTabl
     path = Path(item)
     if (path / "sweep.h5").is_file():
         return read_map(path)
-    if path.is_dir() and not (path / "SystemStructure.ssd").is_file():
+    if path.is_dir() and not (path / STRUCTURE).is_file():
         return open_result(path)
     if path.suffix == ".h5" and path.is_file():
         return read_map(path.parent) if path.name == "sweep.h5" else open_result(path)
@@ -100,8 +101,8 @@ def _of_a_sweep(item: Compared) -> bool:
 def _is_sweep(path: Path, name: str) -> bool:
     if path.suffix == ".toml" and path.is_file():
         try:
-            return "axes" in tomllib.loads(path.read_text(encoding="utf-8"))
-        except (ValueError, OSError):
+            return "axes" in read_toml(path)
+        except InputError:
             return False
     return not path.exists() and name in {entry.stem for entry in shipped("sweeps")}
 
@@ -131,7 +132,7 @@ def _map(name: str, found: SweepTable | StabilityMap) -> StabilityMap:
 
 def _run(name: str, found: RunResult | SweepTable | StabilityMap | Traces) -> ComparedRun:
     if isinstance(found, Traces):
-        return ComparedRun(Traces(name, found.time, found.signals, found.units, found.notes))
+        return ComparedRun(evolve(found, name=name))
     assert isinstance(found, RunResult)  # sweeps were told apart before
     return ComparedRun(Traces.of(name, found.raw), found.summary, found.starts)
 

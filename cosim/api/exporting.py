@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from cosim.api.runs import load
+from cosim.api.runs import loaded
 from cosim.exports.export import Exported
 from cosim.exports.export import export as write_export
 from cosim.fmu import open_system
@@ -28,7 +28,7 @@ def export(
     """
     from build_fmus.compiler import PLATFORMS
 
-    chosen = scenario if isinstance(scenario, Scenario) else load(scenario)
+    chosen = loaded(scenario)
     wanted = None if platforms is None else list(platforms)
     if wanted == ["all"]:
         wanted = list(PLATFORMS)

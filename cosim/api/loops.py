@@ -19,7 +19,7 @@ from cosim.analysis.replay import write_trace
 from cosim.analysis.transparency import FREQUENCIES, Hybrid
 from cosim.analysis.transparency import transparency as hybrid_matrix
 from cosim.api.card import card
-from cosim.api.runs import load
+from cosim.api.runs import loaded
 from cosim.engine.isolation import runner
 from cosim.engine.master import run as run_here
 from cosim.engine.reference import RunProgress
@@ -50,7 +50,7 @@ def stability(
     told what is being done.
     Raises InputError where the scenario does not fit its FMUs, RunError where an FMU fails.
     """
-    chosen = at_pose(scenario if isinstance(scenario, Scenario) else load(scenario), pose)
+    chosen = at_pose(loaded(scenario), pose)
     with open_system(chosen) as system:
         found, loop = compare(chosen, system, progress)
         if any_delay:
@@ -88,7 +88,7 @@ def transparency(scenario: Scenario | str | Path, frequencies: Sequence[float] =
     frequencies: [Hz]. Raises InputError for a scenario without two arms that forces move, or whose FMUs keep more than
     their linear equations tell.
     """
-    chosen = scenario if isinstance(scenario, Scenario) else load(scenario)
+    chosen = loaded(scenario)
     with open_system(chosen) as system:
         return hybrid_matrix(chosen, system, frequencies)
 

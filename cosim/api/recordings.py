@@ -23,7 +23,7 @@ from cosim.identification.method import adjusted, suggested
 from cosim.measured import Recording, RobotDevice
 from cosim.measured import read as read_files
 from cosim.measured.survey import Survey, survey
-from cosim.results.saving import save_files, write_json
+from cosim.results.saving import save_files, write_json, write_text
 from cosim.results.tables import TABLES, ResultTable, table_files
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class DataSurvey:
         write_json(self.to_dict(), folder / "data.json", indent=1)
         path = folder / "description.toml"
         if self.description and not path.exists():
-            path.write_text(self.description, encoding="utf-8")
+            write_text(self.description, path)
         return folder
 
     def __str__(self) -> str:

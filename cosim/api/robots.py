@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 from cosim.analysis.equal_arms import looked_at_poses, standing_at, with_arm
 from cosim.analysis.survival import Survival, survival, survival_document
 from cosim.api.card import card
-from cosim.api.runs import load
+from cosim.api.runs import loaded
 from cosim.arm.reduction import ReducedArm
 from cosim.arm.robot import Robot, read_robot, robot_document
 from cosim.arm.serial import SerialModel
@@ -82,7 +82,7 @@ class RobotResult:
         [rad]; say: is told what is being done. Raises InputError where the scenario does not fit the arm, RunError
         where an FMU fails.
         """
-        given = scenario if isinstance(scenario, Scenario) else load(scenario)
+        given = loaded(scenario)
         chosen = with_arm(given, self.model).with_values(values or {})
         if isinstance(poses, int) and poses < 1:
             raise InputError(Problem("poses", "1 or more", str(poses)))

@@ -25,7 +25,7 @@ from cosim.results.frames import as_dataframe, as_dataset
 from cosim.results.saving import save_files, write_json
 from cosim.results.summary import Judged, simulated_time, summary
 from cosim.scenario import Scenario, draft, load_scenario
-from cosim.wiring import Wiring, check
+from cosim.wiring import Wiring, check, wire
 from cosim.wiring.wiring import resolved_starts
 
 if TYPE_CHECKING:
@@ -45,6 +45,11 @@ def load(scenario: str | Path, effects: str | Path | None = None, *, allow_outsi
     Raises InputError with every problem found.
     """
     return load_scenario(scenario, (), None if effects is None else Path(effects), allow_outside)
+
+
+def loaded(scenario: Scenario | str | Path) -> Scenario:
+    """A scenario as it is, or what `load` gives for its name or path."""
+    return scenario if isinstance(scenario, Scenario) else load(scenario)
 
 
 def checked(
@@ -88,7 +93,7 @@ def run(
     Raises InputError where the scenario does not fit its FMUs, RunError where an FMU cannot be started. A run that
     diverges, or that an FMU ends early, is a result: see `outcome` and `failure`.
     """
-    chosen = scenario if isinstance(scenario, Scenario) else load(scenario)
+    chosen = loaded(scenario)
     with open_system(chosen) as system:
         wanted = None if record is None else list(record)
         if wanted is not None:
@@ -117,14 +122,6 @@ def _read_json(file: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InputError(Problem(str(file), "the summary of a run", "something else"))
     return found
-
-
-def _wired(scenario: Scenario) -> Wiring:
-    """The wiring of a scenario that was run before. Raises InputError where its FMUs have changed."""
-    wiring, problems = check(scenario, descriptions(scenario))
-    if wiring is None or problems:
-        raise InputError(problems)
-    return wiring
 
 
 def _write_page(judged: Judged, path: Path) -> Path:
@@ -243,7 +240,7 @@ class RunResult:
         from cosim.report.canvas import save_movie
         from cosim.report.motion import playback
 
-        wiring = self.judged.wiring if self.judged else _wired(self.scenario)
+        wiring = self.judged.wiring if self.judged else wire(self.scenario, descriptions(self.scenario))
         play = playback(self.raw, wiring)
         if play is None:
             wish = "a run that recorded q and x of an arm"

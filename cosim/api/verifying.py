@@ -13,7 +13,7 @@ from cosim.analysis.certificate_file import SAME, ProvenSystem, load_certificate
 from cosim.analysis.delay_verdict import OpenedAtRest, open_at_rest
 from cosim.analysis.proof import Proof, proven
 from cosim.api.card import card
-from cosim.api.runs import load
+from cosim.api.runs import loaded
 from cosim.engine.isolation import called
 from cosim.fmu import open_system
 from cosim.results.summary import number
@@ -39,7 +39,7 @@ def verify(
         proofs.append(proven(item))
     if scenario is None:
         return VerifiedCertificate(system, tuple(proofs), None, None, "")
-    chosen = scenario if isinstance(scenario, Scenario) else load(scenario)
+    chosen = loaded(scenario)
     said(f"comparing with the loop of {chosen.name}")
     with open_system(chosen) as fmus:
         found = called(partial(open_at_rest, chosen, fmus), OpenedAtRest, chosen, fmus, "the loop was opened")

@@ -1,6 +1,5 @@
 """`cosim export`."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -27,15 +26,11 @@ def command(
     """FMUs and the wired system for other tools: fmi2/, fmi3/, SCENARIO.ssp."""
     import cosim
     from cosim.cli.folder import made, named
-    from cosim.cli.run import prepare
+    from cosim.cli.run import prepare, say
 
     chosen = prepare(scenario, set_ or [], effects, allow_outside).scenario
     folder = made(out or named(f"{chosen.name}-export"))
-    written = cosim.export(chosen, folder, platforms=platform, progress=_say, enumerations=enumerations)
+    written = cosim.export(chosen, folder, platforms=platform, progress=say, enumerations=enumerations)
     print(f"{len(written.fmus)} FMUs of {len(written.fmus) // 2} models in {folder / 'fmi2'} and {folder / 'fmi3'}")
     print(f"{written.ssp}: the wired system (SSP 1.0)")
     print("\n".join(f"{path}: the wired system as one FMU" for path in written.containers))
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)

@@ -9,7 +9,7 @@ from itertools import pairwise
 from types import UnionType
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
 
-from cosim.report.manual import ManualPage, cell
+from cosim.report.manual import ManualPage
 
 if TYPE_CHECKING:
     from attrs import Attribute
@@ -238,4 +238,8 @@ def _table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """A Markdown table."""
     names = list(header)
     lines = [names, ["---"] * len(names), *rows]
-    return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines)
+    return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines)
+
+
+def _cell(text: object) -> str:
+    return str(text).replace("|", "\\|").replace("\n", " ")

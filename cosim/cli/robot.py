@@ -1,6 +1,5 @@
 """`cosim robot`: an arm from its URDF."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -31,25 +30,17 @@ def command(
     """An arm from its URDF: NAME.fmu that holds it, robot.json, report.html."""
     import cosim
     from cosim.cli.folder import made
+    from cosim.cli.run import say
     from cosim.errors import InputError, Problem
+    from cosim.scenario import parse_override
 
     found = cosim.robot(urdf, base=base, tip=tip)
     if survives is not None:
-        found = found.survives(survives, values=_values(set_ or []), poses=poses, say=_say)
+        found = found.survives(survives, values=dict(map(parse_override, set_ or ())), poses=poses, say=say)
     elif set_:
         raise InputError(Problem("--set", "--survives SCENARIO, whose values it changes", "none"))
     folder = made(out or Path("results") / urdf.stem)
-    fmu = found.save(folder, fmi=fmi, platforms=platform, progress=_say)
+    fmu = found.save(folder, fmi=fmi, platforms=platform, progress=say)
     for doubt in found.doubts:
-        print(f"doubtful: {doubt}", file=sys.stderr)
+        say(f"doubtful: {doubt}")
     print(f"{found}\nwritten: {fmu}, {folder / 'robot.json'}, {folder / 'report.html'}")
-
-
-def _values(texts: list[str]) -> dict[str, object]:
-    from cosim.scenario import parse_override
-
-    return dict(parse_override(text) for text in texts)
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)

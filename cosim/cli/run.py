@@ -45,7 +45,7 @@ def command(
     with RunMeter(chosen.name) as progress:
         result = cosim.run(chosen, progress=progress)
     for message in result.raw.messages:
-        _say(f"warning: {message}")
+        say(f"warning: {message}")
     try:
         result.save(folder, export=[kind.value for kind in export or ()], report=report)
     finally:
@@ -61,13 +61,14 @@ def prepare(name: str, overrides: list[str], effects: Path | None, allow_outside
     """The checked wiring of a scenario; its warnings are printed. Raises InputError with every problem found."""
     from cosim.api.runs import checked
 
-    wiring = checked(name, overrides, effects, _say, allow_outside)
+    wiring = checked(name, overrides, effects, say, allow_outside)
     for warning in wiring.warnings:
-        _say(f"warning: {warning}")
+        say(f"warning: {warning}")
     return wiring
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Tell on stderr what is being done."""
     print(text, file=sys.stderr)
 
 

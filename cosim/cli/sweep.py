@@ -42,7 +42,7 @@ def command(
     from cosim.cli.folder import made, named
     from cosim.scenario import parse_override
 
-    chosen = described(spec, dict(parse_override(text) for text in set_ or ()), effects, evaluator)
+    chosen = described(spec, dict(map(parse_override, set_ or ())), effects, evaluator)
     folder = made(out or named(chosen.name))
     print(f"{chosen.name}: {how(chosen)}", file=sys.stderr)
     try:

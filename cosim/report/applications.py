@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim.engine.master import Result
 from cosim.report.html import Section, Table
-from cosim.report.plots import COLOURS, Colour, Figure, Guide, Plot, PlotAxis, curves
+from cosim.report.plots import COLOURS, TIME, Colour, Figure, Guide, Plot, PlotAxis, curves
 
 
 def application_sections(result: Result) -> list[Section]:
@@ -33,7 +33,7 @@ def _tracking(result: Result) -> Section | None:
     named = {"reference": reference[:, joint]}
     named |= {f"{name} ({_set(result, name)})": q[:, joint] for name, (_, q) in loops.items()}
     series = curves(result.time, named, (Colour.INK, *COLOURS))
-    plot = Plot(series, PlotAxis("time [s]"), PlotAxis(f"joint {joint + 1} [rad]"), link="time", height=220)
+    plot = Plot(series, TIME, PlotAxis(f"joint {joint + 1} [rad]"), link="time", height=220)
     rows = [[name, _set(result, name), *(_rms(q - ref) * 1e3).tolist()] for name, (ref, q) in loops.items()]
     table = Table(
         ["controller", "its parameters", "q1 [mrad]", "q2 [mrad]", "q3 [mrad]"], rows, "RMS error of each joint."
@@ -54,12 +54,11 @@ def _forces(result: Result) -> Section | None:
         return None
     force = result.vector(truth)
     found = {label: result.vector(f"{names[0]}.{output}")[:, 1] for output, label in _ESTIMATES.items()}
-    time = PlotAxis("time [s]")
     known = curves(result.time, {"hand": force[:, 1]} | found, (Colour.INK, *COLOURS))
     wrong = curves(result.time, {name: values - force[:, 1] for name, values in found.items()})
     plots = [
-        Plot(known, time, PlotAxis("force along y [N]"), link="time"),
-        Plot(wrong, time, PlotAxis("error [N]"), link="time", guides=[Guide(0.0)]),
+        Plot(known, TIME, PlotAxis("force along y [N]"), link="time"),
+        Plot(wrong, TIME, PlotAxis("error [N]"), link="time", guides=[Guide(0.0)]),
     ]
     rows = [
         [f"{n}.{output}", *_rms(result.vector(f"{n}.{output}") - force).tolist()]

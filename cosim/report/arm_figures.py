@@ -9,7 +9,7 @@ from cosim.arm.dynamics import gravity_torque, heaviest_direction, yaw_inertia
 from cosim.arm.kinematics import L1, L2, forward, radius
 from cosim.arm.parameters import ParameterSet
 from cosim.arm.workspace import BOX, Definiteness, Workspace, block_eigenvalue, mesh, outline
-from cosim.report.plots import COLOURS, Colour, Figure, Guide, HeatMap, Mark, Plot, PlotAxis, Series, curves
+from cosim.report.plots import COLOURS, TIME, Colour, Figure, Guide, HeatMap, Mark, Plot, PlotAxis, Series, curves
 
 TERM_COLOURS = COLOURS[:5]
 INERTIA = "1e-3 kg m²"
@@ -96,7 +96,7 @@ def joint_dissections_figure(found: Sequence[Dissection], joint: int) -> Figure:
 def _terms(found: Dissection, joint: int, title: str) -> Plot:
     values = {name: 1e3 * torque[:, joint] for name, torque in zip(TERMS, found.torque, strict=True)}
     series = curves(found.time, values, TERM_COLOURS)
-    return Plot(series, PlotAxis("time [s]"), PlotAxis("[mN m]"), title, link="time")
+    return Plot(series, TIME, PlotAxis("[mN m]"), title, link="time")
 
 
 def shares_figure(found: Sequence[Dissection]) -> Figure:

@@ -33,7 +33,6 @@ TONES = {
 }
 NO_VALUE = "#f3c9b5"
 INCH = 25.4  # mm
-POINT = INCH / 72  # mm
 PIXEL = 0.7  # points a pixel of a page's lines
 MOST = 20_000
 """Rows of a curve in a figure: more than any printer resolves."""
@@ -192,14 +191,15 @@ def _axis(axes: Axes, direction: str, axis: PlotAxis, named: bool = True) -> Non
 
 TURN, TILT = 0.7, 0.3  # rad: the view of the page
 PICTURE = 6.4, 3.2  # inches
+RATE = 25  # pictures a second
 
 
-def save_movie(play: Playback, path: Path, speed: float = 1.0, rate: int = 25) -> Path:
-    """The arms in motion as a movie, `speed` times as fast as they were, `rate` pictures a second: GIF, or what ffmpeg
-    writes where it is installed. Raises InputError where that is missing.
+def save_movie(play: Playback, path: Path, speed: float = 1.0) -> Path:
+    """The arms in motion as a movie, `speed` times as fast as they were: GIF, or what ffmpeg writes where it is
+    installed. Raises InputError where that is missing.
     """
     _positive("speed", speed)
-    writer = _writer(path, rate)
+    writer = _writer(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     style: dict[Any, object] = {**_STYLE, "axes.grid": False, "figure.facecolor": "white"}
     with matplotlib.rc_context(style):
@@ -207,7 +207,7 @@ def save_movie(play: Playback, path: Path, speed: float = 1.0, rate: int = 25) -
         moved = [_scene(fig, play, k) for k in range(len(play.arms))]
         moved += [_lane(fig, play, k) for k in range(len(play.packets))]
         clock = fig.text(0.5, 0.02, "", ha="center")
-        pictures = max(int((play.time[-1] - play.time[0]) / speed * rate), 1)
+        pictures = max(int((play.time[-1] - play.time[0]) / speed * RATE), 1)
         with writer.saving(fig, str(path), dpi=120):
             for now in np.linspace(play.time[0], play.time[-1], pictures + 1):
                 for move in moved:
@@ -217,16 +217,16 @@ def save_movie(play: Playback, path: Path, speed: float = 1.0, rate: int = 25) -
     return path
 
 
-def _writer(path: Path, rate: int) -> AbstractMovieWriter:
+def _writer(path: Path) -> AbstractMovieWriter:
     if path.suffix.lower() == ".gif":
-        return PillowWriter(fps=rate)
+        return PillowWriter(fps=RATE)
     if path.suffix.lower() not in (".mp4", ".mkv", ".mov", ".webm"):
         raise InputError(Problem("--movie", "a file that ends in .gif, .mp4, .mkv, .mov or .webm", repr(path.name)))
     if not FFMpegWriter.isAvailable():
         raise InputError(
             Problem("--movie", f"ffmpeg, which writes {path.suffix}", "none", "install it, or name a .gif")
         )
-    return FFMpegWriter(fps=rate)
+    return FFMpegWriter(fps=RATE)
 
 
 def _seen(arm: ArmTrack, points: np.ndarray) -> np.ndarray:

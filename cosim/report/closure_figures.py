@@ -8,15 +8,13 @@ import numpy as np
 
 from cosim.report.plots import Colour, Figure, Guide, Mark, Plot, PlotAxis, Series, Strip, curves
 
-SHOWN = 8.0  # s of a record that a time plot shows at first
 BINS = 16
-TIME = PlotAxis("time [s]")
 
 
 def torque_before_after(
     time: np.ndarray, measured: np.ndarray, before: np.ndarray, after: np.ndarray, labels: Sequence[str], unit: str
 ) -> Figure:
-    """Measured torque and both residuals over held-out rows, at first some seconds of them; arrays (J, m)."""
+    """Measured torque and both residuals over held-out rows; arrays (J, m)."""
     axis, rise = _ordered(time)
     plots = []
     for j, label in enumerate(labels):

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from cosim.report.html import Report, Section, Table, cell
-from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series, Strip
-from cosim.report.run import TIME
+from cosim.report.plots import COLOURS, TIME, Colour, Figure, Mark, Plot, PlotAxis, Series, Strip
 from cosim.report.sweep import MARKS
 from cosim.results.compared import RunsCompared, given
 from cosim.results.pairs import SignalPair, TracesPair

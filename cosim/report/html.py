@@ -6,7 +6,7 @@ The only module that imports jinja2. Everything is inline: no script, no font, n
 
 from collections.abc import Iterable
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,17 +92,12 @@ def write_report(report: Report, path: Path | str) -> Path:
 
 def render(report: Report) -> str:
     """The report as the text of one HTML page."""
-    environment = _environment()
     figures = _figures(report)
     places = {id(figure): k for k, figure in enumerate(figures, 1)}
-    environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
-    environment.filters["number"] = lambda figure: places[id(figure)]
-    environment.tests["code"] = lambda value: isinstance(value, Code)
-    environment.tests["drawing"] = lambda value: isinstance(value, Drawing)
-    environment.tests["playback"] = lambda value: isinstance(value, Playback)
-    return environment.get_template("report.html.j2").render(
+    return filled(
+        "report.html.j2",
         report=report,
-        made=_now(),
+        number=lambda figure: places[id(figure)],
         numbers=packed(
             [evolve(f, name=f.name or f"figure-{k}") for k, f in enumerate(figures, 1)],
             source=report.source,
@@ -113,21 +108,30 @@ def render(report: Report) -> str:
     )
 
 
-def filled(template: str, **values: str) -> str:
-    """A page of another template, with the time when it was made."""
+def filled(template: str, **values: object) -> str:
+    """The page that a template makes of values and of the time."""
     return _environment().get_template(template).render(made=_now(), **values)
 
 
+@cache
 def _environment() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("cosim.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters.update(cell=cell, numeric=_numeric_columns, paragraphs=_paragraphs, anchor=_anchor)
+    for name, kind in (("code", Code), ("drawing", Drawing), ("playback", Playback)):
+        environment.tests[name] = partial(_is_a, kind)
+    return environment
+
+
+def _is_a(kind: type, value: object) -> bool:
+    return isinstance(value, kind)
 
 
 def _now() -> str:

@@ -5,9 +5,7 @@ parts.
 import numpy as np
 
 from cosim.identification.identification import Identification
-from cosim.report.plots import Colour, Figure, Mark, Plot, PlotAxis, Series, curves, shaded
-
-TIME = PlotAxis("time [s]")
+from cosim.report.plots import TIME, Colour, Figure, Mark, Plot, PlotAxis, Series, curves, shaded
 
 
 def torques(found: Identification, rigid: np.ndarray, piecewise: np.ndarray | None) -> Figure:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from attrs import frozen
 
-from cosim.report.html import web
+from cosim.report.html import filled, web
 from cosim.results.saving import write_text
 
 if TYPE_CHECKING:
@@ -89,14 +89,9 @@ def write_manual(pages: Sequence[ManualPage], folder: Path) -> Path:
 
 def page_html(page: ManualPage, pages: Sequence[ManualPage]) -> str:
     """One page with the contents of the manual beside it."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("cosim.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
     groups = [(group, [other for other in pages if other.group == group]) for group in GROUPS]
-    return environment.get_template("manual.html.j2").render(
-        page=page, groups=[entry for entry in groups if entry[1]], body=body_html(page, pages)
+    return filled(
+        "manual.html.j2", page=page, groups=[entry for entry in groups if entry[1]], body=body_html(page, pages)
     )
 
 
@@ -155,8 +150,3 @@ def written_pages() -> tuple[ManualPage, ...]:
     return tuple(
         ManualPage(group, slug, (ROOT / source).read_text(encoding="utf-8"), source) for group, slug, source in CONTENTS
     )
-
-
-def cell(text: object) -> str:
-    """Anything as a cell of a Markdown table."""
-    return str(text).replace("|", "\\|").replace("\n", " ")

@@ -95,6 +95,9 @@ class PlotAxis:
     names: tuple[str, ...] = field(default=(), converter=tuple)
 
 
+TIME = PlotAxis("time [s]")
+
+
 @frozen
 class Guide:
     """A straight line across the plot: at a value of y, or of x where `upright`."""

@@ -12,7 +12,7 @@ from cosim.errors import InputError, Problem, did_you_mean
 from cosim.report.applications import application_sections
 from cosim.report.html import Drawing, Report, Section, Table, cell
 from cosim.report.motion import playback
-from cosim.report.plots import COLOURS, Colour, Figure, Mark, Plot, PlotAxis, Series, curves
+from cosim.report.plots import COLOURS, TIME, Colour, Figure, Mark, Plot, PlotAxis, Series, curves
 from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.measures import energies
 from cosim.results.provenance import provenance
@@ -22,7 +22,6 @@ from cosim.wiring import direction_table, vector_starts
 
 _MEMORY = 256 << 20
 """Bytes of a run's table that its report reads; of a larger one it takes every so many rows."""
-TIME = PlotAxis("time [s]")
 _GOOD = {Outcome.CONVERGED}
 _BAD = {Outcome.GROWING, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, Outcome.FAILED}
 

@@ -12,8 +12,8 @@ from cosim.analysis.spectrum import DelayFamily, abscissa, roots
 from cosim.analysis.transparency import Hybrid
 from cosim.errors import InputError, Problem
 from cosim.report.html import Report, Section, Table
-from cosim.report.plots import COLOURS, Colour, Figure, Guide, Mark, Plot, PlotAxis, Series, curves
-from cosim.results.provenance import command_line, provenance
+from cosim.report.plots import COLOURS, TIME, Colour, Figure, Guide, Mark, Plot, PlotAxis, Series, curves
+from cosim.results.provenance import provenance
 
 
 def stability_report(found: Comparison, loop: LinearLoop, felt: Hybrid | None = None) -> Report:
@@ -21,7 +21,7 @@ def stability_report(found: Comparison, loop: LinearLoop, felt: Hybrid | None = 
     unstable = found.evidence is StabilityEvidence.FALSIFIED
     hand = [] if felt is None else [_felt(felt)]
     sections = [_conditions(found), *_any_delay(found), *_linear(found, loop), *hand, _read(found)]
-    facts = provenance(found.judged.result) | {"command": command_line()}
+    facts = provenance(found.judged.result)
     return Report(
         f"Stability of {found.judged.result.scenario.name}",
         _verdict(found),
@@ -139,8 +139,8 @@ def law_figure(both: AnyDelay) -> Figure:
     seen, size = both.replay.sizes.T
     grown = Series("difference of twin runs", seen, size, Colour.RED)
     plots = [
-        Plot(laws, PlotAxis("time [s]"), PlotAxis("delay [s]"), "Delay law, three periods", height=260),
-        Plot([grown], PlotAxis("time [s]"), PlotAxis("joint rates [rad/s]", log=True), "A disturbance", height=260),
+        Plot(laws, TIME, PlotAxis("delay [s]"), "Delay law, three periods", height=260),
+        Plot([grown], TIME, PlotAxis("joint rates [rad/s]", log=True), "A disturbance", height=260),
     ]
     return Figure(plots, "The delay law that destroys, and a disturbance under it in the FMUs.", columns=2, name="law")
 

@@ -319,11 +319,12 @@ def _points(campaign: Campaign) -> Section:
             f.evidence,
             Code(replay(campaign.sweep, p)),
         ]
-        for n, (p, f) in enumerate(zip(campaign.points, campaign.findings), 1)
+        for n, (p, f) in enumerate(zip(campaign.points[:_ROWS], campaign.findings), 1)
     ]
-    more = "" if len(rows) <= _ROWS else f" The first {_ROWS} of {len(rows)}; all of them are in sweep.h5."
+    count = len(campaign.points)
+    more = "" if count <= _ROWS else f" The first {_ROWS} of {count}; all of them are in sweep.h5."
     return Section(
         "Points",
         "Every point with the command that runs it as one co-simulation (a click chooses the whole line)." + more,
-        [Table(["no.", *names, "outcome", "growth rate [1/s]", "evidence", "replay"], rows[:_ROWS])],
+        [Table(["no.", *names, "outcome", "growth rate [1/s]", "evidence", "replay"], rows)],
     )

@@ -5,7 +5,7 @@ from typing import Any
 
 from attrs import field, frozen
 
-from cosim.results.pairs import Tolerance, TracesPair, outcome_differs
+from cosim.results.pairs import Tolerance, TracesPair
 from cosim.results.traces import Traces
 
 _SHOWN = ("scenario", "outcome", "growth_rate", "growth_rate_interval", "tracking_rmse", "limit_hit_at", "measures")
@@ -54,13 +54,16 @@ class RunsCompared:
         return None if self.tolerance is None else all(self._agrees(k) for k in range(len(self.pairs)))
 
     def _agrees(self, k: int) -> bool:
-        return self.pairs[k].agrees and not outcome_differs([self.runs[0].summary, self.runs[k + 1].summary])
+        return self.pairs[k].agrees and not self._ends_otherwise(k)
+
+    def _ends_otherwise(self, k: int) -> str:
+        """That item k + 1 has another outcome than the reference, as the end of a sentence; empty where it has not."""
+        ends = [run.summary.get("outcome") for run in (self.runs[0], self.runs[k + 1])]
+        return f"; it ends otherwise: {ends[1]}, not {ends[0]}" if all(ends) and ends[0] != ends[1] else ""
 
     def verdict(self, k: int) -> str:
         """What is to be said of item k + 1 against the reference, in a sentence."""
-        found = self.pairs[k]
-        ends = [run.summary.get("outcome") for run in (self.runs[0], self.runs[k + 1])]
-        other = f"; it ends otherwise: {ends[1]}, not {ends[0]}" if all(ends) and ends[0] != ends[1] else ""
+        found, other = self.pairs[k], self._ends_otherwise(k)
         if found.same:
             return f"the same to the last bit in {len(found.signals)} signals{other}"
         worst = found.worst

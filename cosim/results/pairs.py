@@ -1,11 +1,12 @@
 """Two sets of signals side by side: every signal's difference, with a tolerance or without."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
+from cosim.results.summary import number
 from cosim.results.traces import MatchedSignal, Traces, matched
 from cosim.results.tube import Departure, Tube, departure
 from cosim.signals import stem
@@ -46,9 +47,9 @@ class SignalPair:
         return {
             "unit": self.match.unit,
             **({"called": self.match.theirs} if self.match.theirs != self.match.name else {}),
-            "max_difference": finite(found.greatest),
+            "max_difference": number(found.greatest),
             "at": found.at,
-            "rms_difference": finite(found.rms),
+            "rms_difference": number(found.rms),
             "range": self.scale,
             **({} if found.height is None else judged),
         }
@@ -128,14 +129,3 @@ def _width(tolerance: Tolerance, one: np.ndarray, two: np.ndarray) -> float:
 
 def _step(time: np.ndarray) -> float:
     return float(np.diff(time).max()) if len(time) > 1 else 0.0
-
-
-def finite(value: float) -> float | None:
-    """A number as JSON can hold it."""
-    return float(value) if np.isfinite(value) else None
-
-
-def outcome_differs(summaries: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether two summaries name different outcomes."""
-    known = [s["outcome"] for s in summaries if s.get("outcome")]
-    return len(set(known)) > 1

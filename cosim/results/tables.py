@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from attrs import field, frozen
@@ -21,12 +21,10 @@ class ResultTable:
     units: Mapping[str, str] = field(factory=dict)
 
     @classmethod
-    def of(
-        cls, names: Sequence[str], rows: Iterable[Sequence[Cell]], units: Mapping[str, str] | None = None
-    ) -> "ResultTable":
+    def of(cls, names: Sequence[str], rows: Iterable[Sequence[Cell]]) -> "ResultTable":
         """A table of rows."""
         held = [tuple(row) for row in rows]
-        return cls({name: [row[k] for row in held] for k, name in enumerate(names)}, units or {})
+        return cls({name: [row[k] for row in held] for k, name in enumerate(names)})
 
 
 def export_table_csv(table: ResultTable, path: Path | str) -> Path:
@@ -63,10 +61,10 @@ def table_files(
     stem: str, endings: Iterable[str], make: Callable[[], ResultTable]
 ) -> dict[str, Callable[[Path], object]]:
     """Writers of a table's files by name. Raises InputError for an ending that is not known."""
-    wanted = list(dict.fromkeys(endings))
+    wanted, once = list(dict.fromkeys(endings)), cache(make)
     if unknown := [ending for ending in wanted if ending not in TABLES]:
         raise InputError(Problem("export", " or ".join(TABLES), ", ".join(map(repr, unknown))))
-    return {f"{stem}.{ending}": partial(_written, TABLES[ending], make) for ending in wanted}
+    return {f"{stem}.{ending}": partial(_written, TABLES[ending], once) for ending in wanted}
 
 
 def _written(write: Callable[[ResultTable, Path], Path], make: Callable[[], ResultTable], path: Path) -> object:

@@ -44,7 +44,6 @@ class Departure:
     greatest: float
     at: float
     rms: float
-    samples: int
     height: float | None = None
     outside: float | None = None
     first_outside: float | None = None
@@ -67,7 +66,7 @@ def departure(
     difference[none] = 0.0
     difference[np.isnan(difference)] = np.inf  # a value that is none agrees with no number
     worst = int(np.argmax(difference))
-    found = float(difference[worst]), float(t[worst]), float(np.sqrt(np.mean(difference**2))), len(t)
+    found = float(difference[worst]), float(t[worst]), float(np.sqrt(np.mean(difference**2)))
     if tube is None:
         return Departure(*found)
     low, high = tube.bounds(t, reference_time, reference)

@@ -13,7 +13,7 @@ from attrs import frozen
 from cosim.engine.outcome import Outcome
 from cosim.errors import InputError, Problem
 from cosim.results.files import read_table
-from cosim.results.pairs import finite
+from cosim.results.summary import number
 
 _PLACES = 401  # of x at which two boundaries are compared
 _UNSTABLE = {o.value for o in (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)}
@@ -82,7 +82,7 @@ class BoundaryShift:
             "greatest_shift": None if worst is None else float(self.shift[worst]),
             "greatest_at": None if worst is None else float(self.x[worst]),
             "only_in_one": self.alone,
-            "distance": finite(self.distance),
+            "distance": number(self.distance),
         }
 
 

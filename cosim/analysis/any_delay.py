@@ -35,7 +35,6 @@ class Destroyer:
     law: DelayLaw
     part: int
     owner: tuple[int, ...]
-    ways: tuple[int, ...]
 
     @property
     def ages(self) -> np.ndarray:
@@ -59,11 +58,6 @@ class TwoSided:
     certificates: tuple[Certificate, ...] = field(converter=tuple)
     unproven: str
     destroyers: Mapping[str, Destroyer]
-
-    @property
-    def certified(self) -> float | None:
-        """Largest T [s] proven stable for independent ways, and so for equal ones; None without a certificate."""
-        return min((c.max_delay for c in self.certificates), default=None)
 
     @property
     def destroyer(self) -> Destroyer | None:
@@ -107,7 +101,7 @@ def _destroyer(parts: Sequence[LoopPart], kind: str, low: int, high: int) -> Des
         return None
     sketch, number, ways = best
     law = refined(parts[number].loop, ways, sketch, low, high)
-    return None if law is None else Destroyer(law, number, parts[number].owner, ways)
+    return None if law is None else Destroyer(law, number, parts[number].owner)
 
 
 def widened(destroyer: Destroyer, loop: SampledLoop, more: int) -> Destroyer:

@@ -12,11 +12,11 @@ from attrs import evolve, field, frozen
 from cosim.analysis.any_delay import CLASS, EQUAL, Destroyer, Say, TwoSided, two_sided, widened
 from cosim.analysis.at_rest import at_rest, bent
 from cosim.analysis.certificate_file import ProvenSystem
-from cosim.analysis.examination import examine
+from cosim.analysis.examination import Examined, examine
 from cosim.analysis.opened import FREQUENCIES, NotOpenError, OpenedLoop, opened
 from cosim.analysis.parting import LoopPart, parted
 from cosim.analysis.prediction import predict
-from cosim.analysis.replay import PlayedLaw, replayed, replaying, write_trace
+from cosim.analysis.replay import COMPONENT, TRACE, PlayedLaw, replayed, replaying, write_trace
 from cosim.analysis.stepped import Stepped, stepped
 from cosim.engine.isolation import called
 from cosim.engine.reference import RunProgress
@@ -24,7 +24,6 @@ from cosim.errors import RunError
 from cosim.fmu import FmuSet
 from cosim.results.summary import number
 from cosim.scenario import Scenario
-from cosim.wiring import Wiring
 
 _REACH = 6.0
 """Destroying laws are sought up to this times the bound of small gain where constant delays set no bound."""
@@ -53,18 +52,17 @@ def open_at_rest(scenario: Scenario, system: FmuSet, mark: np.ndarray | None = N
         found = examine(system.wiring(rest), system, mark)
         discrete = stepped(found)
         loop = opened(found.wiring, discrete)
-        crooked = _missed(found.wiring, discrete, system, mark) or bent(rest, system)
+        crooked = _missed(found, discrete) or bent(rest, system)
     except NotOpenError as error:
         return OpenedAtRest(None, str(error))
     return OpenedAtRest(loop, "", crooked)
 
 
-def _missed(wiring: Wiring, discrete: Stepped, system: FmuSet, mark: np.ndarray | None) -> str:
+def _missed(found: Examined, discrete: Stepped) -> str:
     """Where the linear loop does not predict a short run of the FMUs; empty where it does."""
-    if discrete.loop is None:
-        return discrete.why
-    found = predict(examine(wiring, system, mark), discrete.loop, 0.0)
-    return "" if found.good else f"the linear loop misses {found.signal} by {100 * found.error:.2g} %"
+    assert discrete.loop is not None, "a loop that could be opened"
+    short = predict(found, discrete.loop, 0.0)
+    return "" if short.good else f"the linear loop misses {short.signal} by {100 * short.error:.2g} %"
 
 
 @frozen
@@ -155,10 +153,8 @@ def any_delay(
     began = time.process_time()
     say("opening the loop at its channels")
     open_ = called(partial(open_at_rest, scenario, system), OpenedAtRest, scenario, system, "the loop was opened")
-    if open_.loop is None:
-        return AnyDelay(None, None, None, None, dict.fromkeys(("certificate", "destroying"), open_.why), boundary, 0.0)
-    if open_.bent:
-        why = f"the linear loop is not the whole of it: {open_.bent}"
+    if open_.loop is None or open_.bent:
+        why = f"the linear loop is not the whole of it: {open_.bent}" if open_.loop else open_.why
         return AnyDelay(None, None, None, None, dict.fromkeys(("certificate", "destroying"), why), boundary, 0.0)
     parts = parted(open_.loop)
     found = two_sided(parts, *_bounds(parts, boundary), say)
@@ -211,14 +207,14 @@ def play(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         wiring = system.wiring(scenario)
-        write_trace(destroyer.ages, proven.step, proven.channels, folder / "destroying.csv")
+        write_trace(destroyer.ages, proven.step, proven.channels, folder / TRACE)
         played = replaying(wiring, destroyer.ages, proven.channels, folder)
         try:
             replay = replayed(played, destroyer.ages.shape[1], progress)
         except RunError as error:
             return PlayedLaw(None, None, None, np.zeros((0, 2)), str(error))
-    trace = evolve(played.components["delay_trace"], recording="destroying.csv")
-    return evolve(replay, scenario=evolve(played, components={**played.components, "delay_trace": trace}))
+    trace = evolve(played.components[COMPONENT], recording=TRACE)
+    return evolve(replay, scenario=evolve(played, components={**played.components, COMPONENT: trace}))
 
 
 def _unseen(found: TwoSided, replay: PlayedLaw | None) -> str:

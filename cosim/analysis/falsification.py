@@ -13,8 +13,10 @@ from enum import Enum
 import numpy as np
 from attrs import define, evolve, field, frozen
 
+from cosim.analysis.evidence import UNSTABLE
 from cosim.analysis.linear_fmu import channel_bounds
 from cosim.analysis.twin import judged_run, verdict_signals
+from cosim.analysis.verdict import ENDED
 from cosim.engine.isolation import runner
 from cosim.engine.outcome import Outcome
 from cosim.errors import InputError, Problem, RunError
@@ -32,9 +34,6 @@ _FREQUENCIES = (0.02, 5.0)
 """Frequencies of the hand [Hz]."""
 _ENDED = 1e3
 """What a run counts that ends early, over the time at which it did: more than any growth rate that is measured."""
-
-
-_EARLY = (Outcome.DIVERGED, Outcome.DOMAIN_EXIT, Outcome.LIMIT_HIT, Outcome.FAILED)
 
 
 class Harm(str, Enum):
@@ -68,7 +67,7 @@ class Falsification:
     @property
     def grows(self) -> bool:
         """Whether small disturbances grow in the worst run found."""
-        return self.outcome in (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)
+        return self.outcome in UNSTABLE
 
     def to_dict(self) -> dict[str, object]:
         """`falsification` of stability.json."""
@@ -77,7 +76,7 @@ class Falsification:
             "unit": self.harm.unit,
             "runs": self.runs,
             "before": number(self.before) if abs(self.before) < _ENDED else None,
-            "worst": None if self.outcome in _EARLY else self.worst,
+            "worst": None if self.outcome in ENDED else self.worst,
             "outcome": self.outcome.value,
             "changes": dict(self.changes),
         }
@@ -100,8 +99,9 @@ def falsify(
     """
     from scipy.optimize import differential_evolution
 
-    search = _Search(scenario, system, harm, runs, say)
-    axes = search.axes()
+    wiring = system.wiring(scenario)
+    search = _Search(scenario, system, harm, runs, say, _longest(wiring), _hands(wiring), _losing(wiring))
+    axes = search.axes
     if not axes:
         advice = "give a channel a delay, or the operator an amplitude"
         raise InputError(Problem(scenario.name, "a delay, a loss or a hand to vary", "none", advice))
@@ -127,41 +127,24 @@ class _Search:
     harm: Harm
     runs: int
     say: Callable[[str], None]
+    delays: dict[str, float]
+    hands: list[str]
+    losing: list[str]
     done: int = 0
     best: tuple[float, Outcome, dict[str, object]] = (-np.inf, Outcome.NOT_JUDGED, {})
 
     @property
-    def wiring(self) -> Wiring:
-        return self.system.wiring(self.scenario)
-
     def axes(self) -> list[str]:
         """What is varied: law and period in common, phase and least delay of each channel, the hand, the losses."""
-        delays = self._longest()
-        found = ["law", "period", *(f"{n}.{key}" for n in delays for key in ("phase", "least"))] if delays else []
-        return found + [f"{n}.frequency" for n in self._hands()] + (["seed"] if self._losing() else [])
-
-    def _longest(self) -> dict[str, float]:
-        return {n: b[2] if np.isfinite(b[2]) else b[1] for n, b in channel_bounds(self.wiring).items() if b[1] > 0.0}
-
-    def _hands(self) -> list[str]:
-        wiring = self.wiring
-        return [
-            name
-            for name, part in wiring.scenario.components.items()
-            if part.model == "Operator"
-            and any(wiring.start(name, e) for e in wiring.descriptions[name].elements("amplitude"))
-        ]
-
-    def _losing(self) -> list[str]:
-        wiring = self.wiring
-        keys = ("loss_good", "loss_to_bad")
-        return [n for n in channel_bounds(wiring) if any(wiring.start(n, key) > 0.0 for key in keys)]
+        each = [f"{n}.{key}" for n in self.delays for key in ("phase", "least")]
+        found = ["law", "period", *each] if each else []
+        return found + [f"{n}.frequency" for n in self.hands] + (["seed"] if self.losing else [])
 
     def changes(self, x: np.ndarray) -> dict[str, object]:
         """Values of the scenario for a place in the unit cube."""
-        at, stop = dict(zip(self.axes(), x)), self.scenario.experiment.stop
+        at, stop = dict(zip(self.axes, x)), self.scenario.experiment.stop
         values: dict[str, object] = {}
-        for name, most in self._longest().items():
+        for name, most in self.delays.items():
             values |= {
                 f"{name}.law": LAWS[min(int(at["law"] * len(LAWS)), len(LAWS) - 1)],
                 f"{name}.delay_period": _between(stop / _PERIODS[1], stop / _PERIODS[0], at["period"]),
@@ -169,9 +152,9 @@ class _Search:
                 f"{name}.delay_min": float(most * max(at[f"{name}.least"] - 0.5, 0.0) * 2.0),
                 f"{name}.delay_max": float(most),
             }
-        for name in self._hands():
+        for name in self.hands:
             values[f"{name}.frequency"] = _between(*_FREQUENCIES, at[f"{name}.frequency"])
-        for place, name in enumerate(self._losing()):
+        for place, name in enumerate(self.losing):
             values[f"{name}.seed"] = 1 + 2 * int(at["seed"] * 1e6) + place
         return values
 
@@ -199,6 +182,27 @@ class _Search:
         return value
 
 
+def _longest(wiring: Wiring) -> dict[str, float]:
+    """The greatest delay of each channel that has one [s]."""
+    return {n: b[2] if np.isfinite(b[2]) else b[1] for n, b in channel_bounds(wiring).items() if b[1] > 0.0}
+
+
+def _hands(wiring: Wiring) -> list[str]:
+    """Operators that move."""
+    return [
+        name
+        for name, part in wiring.scenario.components.items()
+        if part.model == "Operator"
+        and any(wiring.start(name, e) for e in wiring.descriptions[name].elements("amplitude"))
+    ]
+
+
+def _losing(wiring: Wiring) -> list[str]:
+    """Channels that lose samples."""
+    keys = ("loss_good", "loss_to_bad")
+    return [n for n in channel_bounds(wiring) if any(wiring.start(n, key) > 0.0 for key in keys)]
+
+
 def _between(low: float, high: float, part: float) -> float:
     """A value between two on a logarithmic scale, to six digits."""
     return float(f"{low * (high / low) ** part:.6g}")
@@ -212,7 +216,7 @@ def _forces(wiring: Wiring) -> list[str]:
 
 def _harm(judged: Judged, harm: Harm, wiring: Wiring) -> float:
     result = judged.result
-    if result.outcome in _EARLY:
+    if result.outcome in ENDED:
         return _ENDED / max(float(result.time[-1]), 1e-3)
     if harm is Harm.GROWTH:
         return -np.inf if judged.growth_rate is None else float(judged.growth_rate)

@@ -31,25 +31,16 @@ _BLOCKS = 60
 """Rows and columns of blocks in the Hankel matrix."""
 
 
-@frozen
-class Realised:
-    """The map, its order, and the greatest part of an output by which it misses the answers."""
-
-    fmu: StepFmu
-    order: int
-    residual: float
-
-
 class NotLinearError(Exception):
     """The answers of an FMU to pulses are not those of a linear map that stays the same; the text says why."""
 
 
-def realised(one: LoneFmu, outputs: tuple[str, ...], sloped: tuple[int, ...], steps: int | None = None) -> Realised:
+def realised(one: LoneFmu, outputs: tuple[str, ...], sloped: tuple[int, ...]) -> StepFmu:
     """The map of an FMU from its inputs (and their slopes) to the chosen outputs.
 
-    steps: for how many its answers are watched. Raises NotLinearError, RunError.
+    Raises NotLinearError, RunError.
     """
-    steps = steps or int(np.clip(round(HORIZON / one.step), 20, MOST))
+    steps = int(np.clip(round(HORIZON / one.step), 20, MOST))
     rows = [one.instance.output_names.index(name) for name in outputs]
     answers = _Answers(one, rows, steps, len(sloped))
     h = answers.all(_size(answers))
@@ -63,13 +54,12 @@ def realised(one: LoneFmu, outputs: tuple[str, ...], sloped: tuple[int, ...], st
         origin = f"a delay of {delay * one.step:g} s, recognised by its answers to pulses"
     elif late:
         origin += f"; its outputs follow {late} step{'s' * (late > 1)} ({late * one.step:g} s) later"
-    fmu = StepFmu(
+    return StepFmu(
         *(names, outputs, sloped, one.step, a, b[:, :m], b[:, m:], c, d[:, :m], d[:, m:], origin),
         None if delay is None else delay * one.step,
         late,
         np.rint(h[:, :, :m].sum(axis=0)),
     )
-    return Realised(fmu, order, residual)
 
 
 @frozen
@@ -126,9 +116,8 @@ def _map(h: np.ndarray) -> tuple[tuple[np.ndarray | Sparse, ...], int, float]:
     last = int(moved[-1]) if len(moved) else 0
     if last < n // 2:
         return _shift_register(h[: last + 1]), m * last, 0.0
-    first = int(np.flatnonzero(np.any(h[1:] != 0.0, axis=(1, 2)))[0])  # whole steps of dead time beside D
-    a, b, c, residual = _least_order(h, first)
-    late = first
+    late = int(np.flatnonzero(np.any(h[1:] != 0.0, axis=(1, 2)))[0])  # whole steps of dead time beside D
+    a, b, c, residual = _least_order(h, late)
     if not late:
         return (a, b, c, h[0]), len(a), residual
     shift, enter = np.eye(m * late, k=-m), np.vstack([np.eye(m), np.zeros((m * (late - 1), m))])

@@ -104,7 +104,7 @@ def _realised(found: Examined, name: str, sloped: tuple[int, ...]) -> StepFmu:
     if key not in _KNOWN:
         if len(_KNOWN) > 64:
             _KNOWN.clear()
-        _KNOWN[key] = realised(found.alone[name], found.fmus[name].outputs, sloped).fmu
+        _KNOWN[key] = realised(found.alone[name], found.fmus[name].outputs, sloped)
     return _KNOWN[key]
 
 

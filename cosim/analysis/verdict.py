@@ -23,7 +23,7 @@ rad).
 """
 _ROUND_OFF = 1e-12
 _CEILING = 1e-2
-_ENDED = (Outcome.DOMAIN_EXIT, Outcome.DIVERGED, Outcome.LIMIT_HIT, Outcome.FAILED)
+ENDED = (Outcome.DOMAIN_EXIT, Outcome.DIVERGED, Outcome.LIMIT_HIT, Outcome.FAILED)
 
 
 @frozen
@@ -83,7 +83,7 @@ def _verdict(result: Result, rates: np.ndarray, found: Growth | None) -> GrowthV
 
 def _ended(result: Result) -> Outcome | None:
     """How the run itself ended, where that says more than the growth rate."""
-    return result.outcome if result.outcome in _ENDED else None
+    return result.outcome if result.outcome in ENDED else None
 
 
 def outcome_of(found: Growth, result: Result, rates: np.ndarray) -> Outcome:

@@ -8,10 +8,9 @@ from hashlib import sha256
 import numpy as np
 from attrs import asdict, field, fields, frozen
 
+from cosim.analysis.evidence import UNSTABLE
 from cosim.engine.outcome import Outcome
 from cosim.sweeps.spec import SCENARIO, Axis, Choice, Entry, Sweep
-
-_GROWS = (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)
 
 
 @frozen
@@ -57,7 +56,7 @@ class PointResult:
         """
         if np.isfinite(self.growth_rate):
             return float(self.growth_rate)
-        if self.outcome in [o.value for o in _GROWS]:
+        if self.outcome in [o.value for o in UNSTABLE]:
             return 1.0
         return -1.0 if self.outcome == Outcome.CONVERGED.value else np.nan
 

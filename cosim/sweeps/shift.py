@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from cosim.engine.outcome import Outcome
+from cosim.analysis.evidence import UNSTABLE
 from cosim.errors import InputError, Problem
 from cosim.results.files import read_table
 from cosim.results.summary import number
 
 _PLACES = 401  # of x at which two boundaries are compared
-_UNSTABLE = {o.value for o in (Outcome.GROWING, Outcome.DIVERGED, Outcome.LIMIT_CYCLE)}
+_UNSTABLE = {outcome.value for outcome in UNSTABLE}
 
 
 @frozen(eq=False)

@@ -26,25 +26,26 @@ static void errors(const Model *m, double e[3], double de[3]) {
 }
 
 /* Phi theta = lambda (M(q) de + C(q, dq) e) - g(q) for the parameters theta. */
-static void modelled(const Model *m, const double theta[8], const double e[3], const double de[3], double torque[3]) {
-    const ArmPose p = arm_pose(m->q);
-    const ArmInertia inertia = arm_inertia(theta, &p);
+static void modelled(const Model *m, const ArmPose *p, const double theta[8], const double e[3], const double de[3],
+                     double torque[3]) {
+    const ArmInertia inertia = arm_inertia(theta, p);
     double coriolis[3], gravity[3];
-    coriolis_between(theta, &p, m->dq, e, coriolis);
-    arm_gravity(theta + 6, &p, gravity);
+    coriolis_between(theta, p, m->dq, e, coriolis);
+    arm_gravity(theta + 6, p, gravity);
     torque[0] = m->slope * (inertia.m11 * de[0] + coriolis[0]) - gravity[0];
     torque[1] = m->slope * (inertia.m22 * de[1] + inertia.m23 * de[2] + coriolis[1]) - gravity[1];
     torque[2] = m->slope * (inertia.m23 * de[1] + inertia.m33 * de[2] + coriolis[2]) - gravity[2];
 }
 
 static void derivatives(Model *m, double t) {
+    const ArmPose p = arm_pose(m->q);
     double e[3], de[3], column[3];
     (void)t;
     errors(m, e, de);
     for (int k = 0; k < 8; k++) {
         double unit[8] = {0};
         unit[k] = 1.0;
-        modelled(m, unit, e, de, column);
+        modelled(m, &p, unit, e, de, column);
         m->der_estimate[k] = 0.0;
         for (int i = 0; i < 3; i++) m->der_estimate[k] += column[i] * (m->dq[i] + m->slope * e[i]);
         m->der_estimate[k] *= m->adaptation[k];
@@ -58,10 +59,11 @@ static const char *start(Model *m) {
 
 static void outputs(Model *m, double t) {
     const int nuno = (int)m->law == LAW_NUNO;
+    const ArmPose p = arm_pose(m->q);
     double e[3], de[3], known[3];
     (void)t;
     errors(m, e, de);
-    modelled(m, m->estimate, e, de, known);
+    modelled(m, &p, m->estimate, e, de, known);
     for (int i = 0; i < 3; i++) {
         const double s = m->dq[i] + m->slope * e[i], s_received = m->dq_received[i] + m->slope * m->q_received[i];
         const double drive = nuno ? -m->gain[i] * s - m->damping[i] * de[i] : m->gain[i] * (s_received - s);

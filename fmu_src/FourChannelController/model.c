@@ -11,9 +11,7 @@ static void outputs(Model *m, double t) {
         const double motion =
             m->acceleration_share * m->mass[i] * m->ddx_received[i] + m->viscosity[i] * m->dx_received[i];
         const double force = g * m->f_ext[i] + (1.0 + g) * m->f_received[i];
-        m->f[i] = coupled(m->stiffness[i], m->derivative_gain[i], m->damping[i], m->x_received[i], m->x[i],
-                          m->dx_received[i], m->dx[i]) +
-                  motion + force;
+        m->f[i] = coupling_force(m, i) + motion + force;
         m->ddx_sent[i] = m->mass[i] > 0 ? (m->f[i] + m->f_ext[i] - m->viscosity[i] * m->dx[i]) / m->mass[i] : 0.0;
         m->f_sent[i] = m->f_ext[i];
     }

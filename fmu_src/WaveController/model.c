@@ -23,11 +23,6 @@ static void derivatives(Model *m, double t) {
     }
 }
 
-static const char *start(Model *m) {
-    for (int i = 0; i < 3; i++) m->error[i] = m->filtered[i] = 0.0;
-    return NULL;
-}
-
 static void outputs(Model *m, double t) {
     (void)t;
     for (int i = 0; i < 3; i++) {

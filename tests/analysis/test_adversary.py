@@ -5,8 +5,9 @@ import pytest
 
 from cosim.analysis.adversary import DelayLaw, coarser, destroying_law, under
 from cosim.analysis.criteria import closed_form
-from cosim.analysis.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
+from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError
+from tests.support.tip_loops import TipSide, axis_loop, difference_loop
 
 STEP = 0.002
 

@@ -93,7 +93,7 @@ def test_a_law_grows_in_the_fmus_as_on_its_matrices(scenario, opened):
     parts = parted(opened.loop)
     ages = np.tile(np.minimum(np.arange(1, 30), 12), (2, 1))
     part = max(range(3), key=lambda k: under(parts[k].loop, ages).growth_rate)
-    destroyer = Destroyer(under(parts[part].loop, ages), part, (0, 1), (0, 0))
+    destroyer = Destroyer(under(parts[part].loop, ages), part, (0, 1))
     with open_system(scenario) as system:
         replay = play(scenario, system, ProvenSystem.of(scenario, opened.loop, parts, ()), destroyer)
     assert replay.why == "" and replay.growth_rate == pytest.approx(destroyer.law.growth_rate, abs=1e-6)

@@ -11,8 +11,9 @@ from cosim.analysis.certificate import Certificate, Multiplier, certificate_of
 from cosim.analysis.criteria import closed_form
 from cosim.analysis.delay_grid import DelayGrid, uniform_grid
 from cosim.analysis.proof import positive_definite, proven
-from cosim.analysis.sampled_loop import SampledLoop, TipSide, axis_loop, difference_loop
+from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError
+from tests.support.tip_loops import TipSide, axis_loop, difference_loop
 
 SIDE = TipSide(mass=0.051, stiffness=0.25, damping=0.09)
 STEP = 0.001

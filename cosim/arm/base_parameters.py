@@ -1,6 +1,7 @@
 """Base parameters of a serial arm: the combinations of its links' parameters that torques can show (Gautier 1991)."""
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from attrs import frozen
@@ -42,6 +43,7 @@ def whole_regressor(model: SerialModel, q: np.ndarray, dq: np.ndarray, ddq: np.n
     return np.concatenate([regressor(model, q, dq, ddq), rotors], axis=-1)
 
 
+@lru_cache(maxsize=8)
 def base_parameters(model: SerialModel, seed: int = 1) -> BaseParameters:
     """By QR of the regressor at random states: a column stays that those before it do not make up.
 

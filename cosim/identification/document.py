@@ -11,6 +11,7 @@ from cosim.identification.idim import Idim, IdimFit
 
 def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict[str, Any]:
     """The identification as a JSON table; NaN becomes null."""
+    grouped = dict(found.model.grouped())
     return _clean(
         {
             "device": found.recording.device.word,
@@ -26,8 +27,8 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
             },
             "condition_number": found.identifiability.condition,
             "rank": found.identifiability.rank,
-            "grouped": dict(found.model.grouped()),
-            "essential": [str(label) for label in essential(found)] if found.model.grouped() else None,
+            "grouped": grouped,
+            "essential": [str(label) for label in essential(found)] if grouped else None,
             "unexcited": [str(label) for label in unexcited(found)],
             "mass_matrix_positive_definite": found.positive_definite,
             "intervals": {

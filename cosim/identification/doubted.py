@@ -11,9 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.identification.estimate import estimate
 from cosim.identification.fit import Fit
-from cosim.identification.intervals import spread
 from cosim.identification.linear_model import FRICTION
 from cosim.measured.label import Label
 from cosim.measured.notes import Disposition, Doubt, Rescaled
@@ -77,9 +75,8 @@ def _shift(fit: Fit) -> tuple[float, float, float]:
     column fitted beside the others.
     """
     step = max(run.step for run in fit.recording.runs)
-    wider = evolve(fit.widened(fit.stack.tau_rate[:, :, None] * step), labels=(*fit.base.labels, Label("shift")))
-    found = estimate(wider, evolve(fit.method, physical=False), fit.model)
-    return float(found.params[-1]), float(spread(wider, found).std[-1]), step
+    params, std = fit.one_beside(fit.stack.tau_rate * step)
+    return float(params[-1]), std, step
 
 
 def _lag(shift: float, std: float, step: float) -> Doubt:
@@ -102,11 +99,8 @@ def _bent(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:
     nothing = np.zeros(len(fit.params)), ()
     size = np.abs(fit.stack.tau).max(axis=0)
     size[size == 0] = 1.0
-    column = (fit.stack.tau**3 / size**2)[:, :, None]
-    wider = evolve(fit.widened(column), labels=(*fit.base.labels, Label("bent")))
-    found = estimate(wider, evolve(fit.method, physical=False), fit.model)
-    share, std = -float(found.params[-1]), float(spread(wider, found).std[-1])
-    change = np.abs(found.params[:-1] - fit.params)
+    params, std = fit.one_beside(fit.stack.tau**3 / size**2)
+    share, change = -float(params[-1]), np.abs(params[:-1] - fit.params)
     if abs(share) < SURE * std or not (change > fit.spread.half_width).any():
         return nothing
     way = "small" if share > 0 else "large"

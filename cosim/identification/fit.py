@@ -45,6 +45,12 @@ class Fit:
         wider = self.widened(columns)
         return estimate(wider, evolve(self.method, physical=False), self.model)
 
+    def one_beside(self, column: np.ndarray) -> tuple[np.ndarray, float]:
+        """The base parameters with one further column (n, nj), (p + 1,), and the standard deviation of the last."""
+        wider = self.widened(column[:, :, None])
+        found = estimate(wider, evolve(self.method, physical=False), self.model)
+        return found.params, float(spread(wider, found).std[-1])
+
     def widened(self, columns: np.ndarray) -> Stack:
         """The base columns with further ones (n, nj, k)."""
         return evolve(self.base, y=np.concatenate([self.base.y, columns], axis=2))

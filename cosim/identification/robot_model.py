@@ -13,7 +13,6 @@ from typing import final
 import numpy as np
 from attrs import frozen
 
-from cosim.arm import dynamics
 from cosim.arm.base_parameters import (
     BaseParameters,
     all_parameters,
@@ -25,7 +24,7 @@ from cosim.arm.base_parameters import (
 from cosim.arm.serial_dynamics import link_parameters
 from cosim.identification.consistent import BodyPrior, consistent_fit
 from cosim.identification.linear_model import FRICTION, LinearModel, PublishedParameters
-from cosim.identification.regressor import RegressorColumns
+from cosim.identification.regressor import RegressorColumns, friction_columns
 from cosim.measured.device import RobotDevice
 from cosim.measured.filtering import FilteredMotion, LowPass
 from cosim.measured.label import Label
@@ -61,8 +60,9 @@ class RobotModel(LinearModel):
         moved = [self._momentum(q + way * _ALONG * dq, dq) for way in (1.0, -1.0)]
         slope = (moved[0] - moved[1]) / (2 * _ALONG) - (self._columns(q, dq, still) - gravity)
         inertial = low_pass.rate(momentum, step) - low_pass.low(slope - gravity, step)
-        friction = [c[:, :, None] * np.eye(n) for c in (dq, dynamics.direction(dq, velocity), np.ones_like(dq))]
-        y = np.concatenate([inertial, low_pass.low(np.concatenate(friction, axis=2), step)], axis=2)
+        offset = np.broadcast_to(np.eye(n), (*q.shape, n))
+        friction = np.concatenate([friction_columns(dq, velocity), offset], axis=2)
+        y = np.concatenate([inertial, low_pass.low(friction, step)], axis=2)
         labels = [self.device.label(name, j) for name in ("viscous", "coulomb", "offset") for j in range(n)]
         units = [_UNITS.get(label.name, "kg.m2") for label in self.base_labels]
         units += ["N.m.s/rad"] * n + ["N.m"] * (2 * n)

@@ -63,7 +63,8 @@ def continued(stretch: Stretch, notes: Notes) -> Stretch:
     for kind, places in (("back", np.flatnonzero(steps < 0)), ("forward", np.flatnonzero(steps > 1.5 * step))):
         if len(places) > max(len(time) // 64, 1):
             continue
-        joined = [int(k) for k in places if _goes_on(stretch, int(k)) and (kind == "back" or _leaps(stretch, int(k)))]
+        going = [int(k) for k in places if _goes_on(stretch, int(k))]
+        joined = [k for k in going if kind == "back" or _leaps(stretch, k, step)]
         for k in joined:
             time[k + 1 :] += time[k] + step - time[k + 1]
         if joined:
@@ -75,10 +76,11 @@ def continued(stretch: Stretch, notes: Notes) -> Stretch:
     return evolve(stretch, time=time)
 
 
-def _leaps(stretch: Stretch, k: int) -> bool:
-    """Whether some position would have to stop for the time that the stamps of rows k and k + 1 are apart."""
-    usual = float(np.median(np.diff(stretch.time)))
-    rows = (stretch.time[k + 1] - stretch.time[k]) / usual
+def _leaps(stretch: Stretch, k: int, step: float) -> bool:
+    """Whether some position would have to stop for the time that the stamps of rows k and k + 1 are apart, of rows that
+    are usually `step` [s] apart.
+    """
+    rows = (stretch.time[k + 1] - stretch.time[k]) / step
     for column in stretch.positions:
         q = stretch.signals[:, column]
         speed = (q[k] - q[k - 2] + q[k + 3] - q[k + 1]) / 4

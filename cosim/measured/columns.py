@@ -8,8 +8,9 @@ from attrs import field, frozen
 
 from cosim.errors import Problem
 from cosim.measured.fields import unknown_names
+from cosim.measured.mounted import RECORDED
 
-SINGLE = ("time", "run", "split", "rigid", "supply", "mass", "length", "inertia", "angle")
+SINGLE = ("time", "run", "split", "rigid", "supply", *RECORDED)
 LISTS = ("q", "tau", "dq", "ddq", "q_ref", "force", "regressor")
 ROLES = (*SINGLE, *LISTS, "other")
 Value = TypeVar("Value")

@@ -7,6 +7,7 @@ import numpy as np
 from attrs import frozen
 
 from cosim.measured import units
+from cosim.measured.plausibility import TURNS
 from cosim.measured.stamps import LIKELY, PER_SECOND, SLOWEST, typical_step
 from cosim.measured.table import RawTable
 
@@ -35,7 +36,6 @@ ELECTRICAL = {
     "strom": "A",
 }
 ROLE_OF_UNIT = {"s": "time", "rad": "q", "rad/s": "dq", "rad/s^2": "ddq", "N.m": "tau"}  # where no name says it
-TURNS = 2.0  # that a joint swings over in radians; more are degrees
 
 
 @frozen
@@ -85,11 +85,10 @@ def _parts(name: str) -> tuple[str, str]:
     plain = re.sub(r"\[\d+\]$", "", name).rsplit("/", 1)[-1]
     found = ENDING.search(plain)
     unit = units.spelled(found["unit"].replace("_", "/")) if found else ""
-    rad = {"Nm": "N.m", "rad/s2": "rad/s^2"}.get(unit, unit)
-    known = found and units.known(rad) and found.start() > 0
+    known = found and units.known(unit) and found.start() > 0
     stem = plain[: found.start()] if found and known else plain
     stem = re.sub(r"_?\d+$", "", stem.strip().lower())
-    return stem if stem in ("header.stamp", "observation.state") else stem.rsplit(".", 1)[-1], rad if known else ""
+    return stem if stem in ("header.stamp", "observation.state") else stem.rsplit(".", 1)[-1], unit if known else ""
 
 
 def _by_values(role: str, stem: str, values: np.ndarray) -> tuple[str, str]:

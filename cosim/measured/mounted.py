@@ -56,15 +56,17 @@ def read_mounted(table: object, source: str, problems: list[Problem]) -> tuple[M
     plain = {name: value for name, value in table.items() if name not in single}
     for name, keys in (("", plain), *single.items()):
         unknown_names(keys, NAMES, f"{where[:-1]}.{name}]" if name else where, "key", problems)
-    every = _numbers(plain, where, problems)
-    runs = {name: Mounted(**{**every, **_numbers(keys, where, problems)}) for name, keys in single.items()}
+    every = _numbers(plain, NAMES, where, problems)
+    runs = {name: Mounted(**{**every, **_numbers(keys, NAMES, where, problems)}) for name, keys in single.items()}
     return Mounted(**every), runs
 
 
-def _numbers(keys: Mapping[str, object], where: str, problems: list[Problem]) -> dict[str, float]:
-    """The known keys; a negative mass, length or inertia is a problem."""
+def _numbers(
+    keys: Mapping[str, object], names: tuple[str, ...], where: str, problems: list[Problem]
+) -> dict[str, float]:
+    """The keys of these names; a negative one of those that have no sign is a problem."""
     found = {}
-    for name in (name for name in NAMES if name in keys):
+    for name in (name for name in names if name in keys):
         value = keys[name]
         if not is_number(value) or (name not in SIGNED and value < 0):
             problems.append(Problem(f"{where}.{name}", "a number" if name in SIGNED else "0 or more", repr(value)))
@@ -80,10 +82,4 @@ def read_motor(table: object, source: str, problems: list[Problem]) -> Mapping[s
         problems.append(Problem(where, "a table", repr(table)))
         return {}
     unknown_names(table, MOTOR, where, "key", problems)
-    found = {}
-    for name in (name for name in MOTOR if name in table):
-        if is_number(table[name]) and table[name] >= 0:
-            found[name] = float(table[name])
-        else:
-            problems.append(Problem(f"{where}.{name}", "0 or more", repr(table[name])))
-    return found
+    return _numbers(table, MOTOR, where, problems)

@@ -63,13 +63,17 @@ class Doubt:
     text: str
     count: int = 0
     rows: tuple[int, ...] = ()
-    done: Disposition = Disposition.WITHHELD
     otherwise: Rescaled | None = None
 
     @classmethod
     def of(cls, kind: str, text: str, otherwise: Rescaled | None = None) -> "Doubt":
-        """A doubt about a recording as a whole, with what is done about its kind."""
-        return cls(kind, text, done=DISPOSITIONS[kind], otherwise=otherwise)
+        """A doubt about a recording as a whole."""
+        return cls(kind, text, otherwise=otherwise)
+
+    @property
+    def done(self) -> Disposition:
+        """What is done about its kind."""
+        return DISPOSITIONS[self.kind]
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of data.json and identification.json."""
@@ -88,7 +92,7 @@ class Notes:
         """Tell a sentence; rows: numbers from 0 of the rows it is about."""
         if kind:
             first = tuple(int(row) + 1 for row in list(rows)[:SHOWN])
-            self.add(Doubt(kind, text, len(rows), first, DISPOSITIONS[kind]))
+            self.add(Doubt(kind, text, len(rows), first))
         else:
             self.warnings.append(text)
 

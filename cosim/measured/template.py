@@ -110,7 +110,7 @@ def _rest() -> list[str]:
         _line('encoder = "joint"', 'the side of q: "joint" or "motor"', False),
         _line('torque = "joint"', 'the side of tau, of the torque constant and of back_emf: "joint" or "motor"', False),
         "",
-        *(line for line in SERVO),
+        *SERVO,
         "",
         "[mounted]  # axis: what was on the joint, in all runs; [mounted.NAME] for the run NAME; also as columns",
         _line("mass = 0.0", "kg", False),

@@ -23,7 +23,4 @@ def teleoperate(model: str, values: Mapping[str, object], stop: float = 2.0) -> 
 
 def vector(result: Result, name: str) -> np.ndarray:
     """(n, size) of `arm_l.x`, of as many elements as it has; one column for a scalar."""
-    if name in result.signals:
-        return np.asarray(result.signals[name])[:, None]
-    count = sum(signal.startswith(f"{name}[") for signal in result.signals)
-    return np.column_stack([result.signals[f"{name}[{k}]"] for k in range(1, count + 1)])
+    return result.vector(name)

@@ -9,7 +9,7 @@ from attrs import field, frozen
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.measured import units
 from cosim.measured.columns import LISTS, ROLES, ColumnNames, frozen_map, read_columns
-from cosim.measured.device import DEVICES, AxisDevice, Device, PhantomDevice
+from cosim.measured.device import DEVICES, AxisDevice, Device, PhantomDevice, RobotDevice
 from cosim.measured.fields import FieldReader, is_number, unknown_names
 from cosim.measured.gear import Gear, read_gear
 from cosim.measured.mounted import TEMPERATURE, Mounted, read_motor, read_mounted
@@ -155,7 +155,8 @@ def parse_description(table: Mapping[str, Any], source: str) -> RecordingDescrip
         mounted_in=mounted_in,
         source=source,
     )
-    problems += result.device.problems(columns, fields) + _unit_problems(result) + _mixed(result) + _for_axis(result)
+    problems += result.device.problems(columns, fields) + _unit_problems(result) + _mixed(result)
+    problems += _without_torques(result) + _for_axis(result)
     if problems:
         raise InputError(problems)
     return result
@@ -169,6 +170,16 @@ def _mixed(description: RecordingDescription) -> list[Problem]:
         return []
     where = f"{description.source}: [units].tau"
     return [Problem(where, "one unit for all joints, or a [scale].tau", ", ".join(sorted(given)))]
+
+
+def _without_torques(description: RecordingDescription) -> list[Problem]:
+    """Joints of one arm have masses in common, so that their torques have to be in one unit of torque."""
+    if not isinstance(description.device, RobotDevice) or "tau" in description.scale:
+        return []
+    unknown = [unit for unit in description.units.get("tau", ()) if unit in units.ELECTRICAL]
+    expected, advice = "torques, since joints of one arm share their masses", "give [scale].tau, one factor a joint"
+    where = f"{description.source}: [units].tau"
+    return [Problem(where, expected, ", ".join(unknown), advice)] if unknown else []
 
 
 def _for_axis(description: RecordingDescription) -> list[Problem]:

@@ -7,7 +7,6 @@ each, chosen by its class: its linear model in `cosim.identification.linear_mode
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar, final
 
@@ -16,7 +15,6 @@ from attrs import frozen
 from cosim.arm.robot import Robot, read_robot
 from cosim.arm.serial import SerialModel
 from cosim.errors import InputError, Problem
-from cosim.measured import units
 from cosim.measured.columns import ColumnNames
 from cosim.measured.fields import FieldReader
 from cosim.measured.label import Label
@@ -237,19 +235,7 @@ class RobotDevice(Device):
         if arm.sliding.any():
             slides = ", ".join(name for name, slide in zip(arm.joints, arm.sliding, strict=True) if slide)
             found.append(Problem(f"{fields.source}: urdf", "joints that turn", f"slides: {slides}", "lock them"))
-        return found + _unknown_torques(fields)
-
-
-def _unknown_torques(fields: FieldReader) -> list[Problem]:
-    """Joints of one arm have masses in common, so that their torques have to be in one unit of torque."""
-    tables = {key: fields.table.get(key, {}) for key in ("units", "scale")}
-    if not all(isinstance(table, Mapping) for table in tables.values()) or "tau" in tables["scale"]:
-        return []
-    given = tables["units"].get("tau", ())
-    names = [given] if isinstance(given, str) else given
-    unknown = [str(name) for name in names if units.spelled(str(name)) in units.ELECTRICAL]
-    expected, advice = "torques, since joints of one arm share their masses", "give [scale].tau, one factor a joint"
-    return [Problem(f"{fields.source}: [units].tau", expected, ", ".join(unknown), advice)] if unknown else []
+        return found
 
 
 DEVICES: tuple[type[Device], ...] = (PhantomDevice, AxisDevice, RegressorDevice, RobotDevice)

@@ -17,6 +17,7 @@ from cosim.report.wiring import block_diagram, milliseconds
 from cosim.results.measures import energies
 from cosim.results.provenance import provenance
 from cosim.results.summary import Judged, limit_time, simulated_time
+from cosim.results.tips import FacingTips, facing_tips
 from cosim.signals import grouped, stem
 from cosim.wiring import direction_table, vector_starts
 
@@ -219,14 +220,8 @@ def _motion(judged: Judged) -> Section | None:
 
 
 def _tracking(result: Result) -> Section | None:
-    if not _two_tips(result):
-        return None
-    return Section("Tracking", "", figures=[_tips(result), _paths(result)])
-
-
-def _two_tips(result: Result) -> bool:
-    arms = result.scenario.arms
-    return arms is not None and all(f"{arm}.x[1]" in result.signals for arm in arms)
+    tips = facing_tips(result)
+    return None if tips is None else Section("Tracking", "", figures=[_tips(result, tips), _paths(result, tips)])
 
 
 def overview(result: Result) -> Figure:
@@ -234,8 +229,8 @@ def overview(result: Result) -> Figure:
 
     Raises InputError where nothing was recorded.
     """
-    if _two_tips(result):
-        return _tips(result)
+    if (tips := facing_tips(result)) is not None:
+        return _tips(result, tips)
     if not result.signals:
         raise InputError(Problem("plot", "a run with recorded signals", "one without"))
     return stack(result, list(grouped(result.signals)))
@@ -248,26 +243,32 @@ def _arms(result: Result) -> tuple[str, str]:
     return arms
 
 
-def _tips(result: Result) -> Figure:
+def _named(result: Result, tips: FacingTips) -> dict[str, np.ndarray]:
+    """Tips (n, 3) [mm] of both arms by name, the local one's mapped where the arms' frames or sizes differ."""
     local, remote = _arms(result)
-    x_l, x_r = 1e3 * result.vector(f"{local}.x"), 1e3 * result.vector(f"{remote}.x")
+    return {f"{local}, mapped" if tips.mapped else local: 1e3 * tips.local, remote: 1e3 * tips.remote}
+
+
+def _tips(result: Result, tips: FacingTips) -> Figure:
+    named = _named(result, tips)
     plots = [
         Plot(
-            curves(result.time, {local: x_l[:, i], remote: x_r[:, i]}, dashed=[remote]),
+            curves(result.time, {arm: x[:, i] for arm, x in named.items()}, dashed=[_arms(result)[1]]),
             TIME,
             PlotAxis(f"{name} [mm]"),
             link="time",
         )
         for i, name in enumerate("xyz")
     ]
-    apart = {"distance": np.linalg.norm(x_l - x_r, axis=1)}
+    apart = {"distance": 1e3 * np.linalg.norm(tips.apart, axis=1)}
     plots.append(Plot(curves(result.time, apart, [Colour.INK]), TIME, PlotAxis("|x_l − x_r| [mm]"), link="time"))
-    return Figure(plots, "Tip positions of the local and the remote arm, and the distance between them.", name="tips")
+    frame = ", in the remote arm's frame: where the local one asks it to be" if tips.mapped else ""
+    text = f"Tip positions of the local and the remote arm{frame}, and the distance between them."
+    return Figure(plots, text, name="tips")
 
 
-def _paths(result: Result) -> Figure:
-    plots = []
-    tips = {arm: 1e3 * result.vector(f"{arm}.x") for arm in _arms(result)}
+def _paths(result: Result, found: FacingTips) -> Figure:
+    plots, tips = [], _named(result, found)
     for a, b in ((0, 1), (2, 1), (0, 2)):
         series = []
         for (arm, x), colour, dash in zip(tips.items(), COLOURS, ((), (6, 3))):

@@ -10,12 +10,15 @@ from cosim.engine.master import Result
 from cosim.engine.outcome import Outcome
 from cosim.results.measures import Measure
 from cosim.results.provenance import command_line, versions
+from cosim.results.tips import facing_tips
 from cosim.wiring import Wiring, direction_table
 
 
 @frozen
 class Tracking:
-    """How far the arms' tips were apart over the whole run: RMS of x_l - x_r [m], per axis and of its norm."""
+    """How far the arms' tips were apart over the whole run: RMS of x_l - x_r [m], per axis and of its norm, x_l mapped
+    into the remote arm's frame (see `FacingTips`).
+    """
 
     axes: tuple[float, ...]
     total: float
@@ -44,15 +47,14 @@ class Judged:
 
 
 def tracking(result: Result) -> Tracking | None:
-    """RMS over the recorded rows (evenly spaced); None without two arms."""
-    if result.scenario.arms is None:
+    """RMS over the recorded rows (evenly spaced), in the remote arm's frame where the arms' frames or sizes differ;
+    None without two arms.
+    """
+    tips = facing_tips(result)
+    if tips is None:
         return None
-    local, remote = result.scenario.arms
-    if f"{local}.x[1]" not in result.signals or f"{remote}.x[1]" not in result.signals:
-        return None
-    apart = result.vector(f"{local}.x") - result.vector(f"{remote}.x")
-    axes = np.sqrt(np.mean(apart**2, axis=0))
-    return Tracking(tuple(float(a) for a in axes), float(np.sqrt(np.mean(np.sum(apart**2, axis=1)))))
+    axes = np.sqrt(np.mean(tips.apart**2, axis=0))
+    return Tracking(tuple(float(a) for a in axes), float(np.sqrt(np.mean(np.sum(tips.apart**2, axis=1)))))
 
 
 def simulated_time(result: Result) -> float:

@@ -9,7 +9,7 @@ from attrs import evolve, fields
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.opening import read_toml
-from cosim.scenario.parts import Component, ScenarioParts
+from cosim.scenario.parts import OF_RECORDING, Component, ScenarioParts
 from cosim.scenario.reading import record_of, unknown_keys
 from cosim.scenario.writing import plain, toml_value
 from cosim.signals import stem
@@ -106,7 +106,8 @@ def _assign_record(scenario: AnyScenario, head: str, key: str, value: object, pr
 
 
 def _component_with(component: Component, key: str, value: object, where: str, problems: list[Problem]) -> Component:
-    parameter = key.startswith("parameters.")  # says so where a recording has a key of that name, `offset`
+    foreign = component.recording is None and key in OF_RECORDING
+    parameter = foreign or key.startswith("parameters.")
     key = key.removeprefix("parameters.")
     if not parameter and key != "parameters" and key in {entry.name for entry in fields(Component)}:
         table = plain(component)

@@ -7,7 +7,7 @@ from attrs import evolve
 
 from cosim.errors import InputError, Problem, did_you_mean
 from cosim.opening import file_problem
-from cosim.scenario.parts import NANOSECONDS, Component, ScenarioParts
+from cosim.scenario.parts import NANOSECONDS, OF_RECORDING, Component, ScenarioParts
 
 LONGEST = 2**63  # nanoseconds that fit an integer of 64 bits
 
@@ -25,7 +25,16 @@ def check(scenario: ScenarioParts, where: str) -> list[Problem]:
         if component.recording is not None and not component.columns:
             problems.append(Problem(f"{place}.columns", "names of columns to play", "nothing"))
         problems += _check_file(component, scenario.folder, place) + _check_set(component, place)
+        problems += _check_recording_keys(component, place)
     return problems
+
+
+def _check_recording_keys(component: Component, where: str) -> list[Problem]:
+    """Keys of a recording given to a component that plays none."""
+    usual = component if component.recording is not None else Component()
+    foreign = [key for key in OF_RECORDING if getattr(component, key) != getattr(usual, key)]
+    expected, advice = "a component that plays a recording", "a parameter of an FMU stands among its `parameters`"
+    return [Problem(f"{where}.{key}", expected, repr(getattr(component, key)), advice) for key in foreign]
 
 
 def _check_experiment(scenario: ScenarioParts, where: str) -> list[Problem]:

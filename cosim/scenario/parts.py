@@ -144,6 +144,10 @@ class Component:
         return here if here.exists() and not place.exists() else place
 
 
+OF_RECORDING = ("columns", "time", "interpolation", "unit", "scale", "offset", "repeat")
+"""Keys of a component that only a recording has: for an FMU such a word is one of its parameters."""
+
+
 @frozen
 class Connection:
     """An output wired to an input; either may be a vector name (`arm_l.x` is `x[1..3]`).

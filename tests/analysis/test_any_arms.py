@@ -147,3 +147,13 @@ def test_the_law_of_the_controller():
         papers = CompiledModel("PLikeController", space=space, **gains).start().run(50, 1e-3, three, ("f", "tau"))
         assert (any_arm["f"] == papers["f"]).all() and (any_arm["tau"][:, :3] == papers["tau"]).all()
         assert not any_arm["tau"][:, 3:].any()
+
+
+def test_tracking_of_different_arms_is_told_in_one_frame():
+    """The Panda goes where x_home + 4 (x - x_ref_home) of the PHANToM lies; their own frames are far apart."""
+    found = cosim.run(short("phantom-panda"))
+    local, remote = found["arm_l.x"], found["arm_r.x"]
+    asked = np.array([0.306891, 0.0, 0.590282]) + 4.0 * (local - [0.0, 0.076956, 0.056598])
+    apart = np.sqrt(np.mean(np.sum((asked - remote) ** 2, axis=1)))
+    assert found.summary["tracking_rmse"]["total"] == pytest.approx(apart, rel=1e-12)
+    assert apart < 0.05 < np.abs(local - remote).max()

@@ -49,7 +49,7 @@ def paper_loop(name: str) -> Scenario:
 
 def held_loop(offset: float) -> Scenario:
     """A soft hand leads the local arm of the set `segment`; the remote arm's wall stands at an offset."""
-    rest = {"environment.parameters.offset": offset, "operator.reference": forward(np.zeros(3)).tolist()}
+    rest = {"environment.offset": offset, "operator.reference": forward(np.zeros(3)).tolist()}
     return cosim.load("contact").with_values(HAND | WALL | SOFT | rest)
 
 

@@ -2,12 +2,14 @@
 
     python -m tests.benchmarks.serial_arm [--robot xarm7] [--rounds 9]
 
+Ends with 1 where a forward dynamics takes more than twice pinocchio's `aba` or a step more than five of ours.
 Processor time, least of the rounds, which alternate. Ours is C compiled with an FMU's flags, on the table cut to the
 arm's joints; pinocchio is called through its binding, whose share is shown by an `aba` of a model of one joint.
 """
 
 import argparse
 import ctypes
+import sys
 import time
 
 import numpy as np
@@ -16,6 +18,7 @@ from tests.support.model_harness import compile_library
 from tests.support.robots import PinocchioArm, compiled, put, reduced, states
 
 CALLS = 5000
+MOST_FORWARD, MOST_STEP = 2.0, 5.0  # of one `aba`, of one forward dynamics
 TIMING = """
 #include <time.h>
 static double spent(void) { return (double)clock() / CLOCKS_PER_SEC; }
@@ -60,6 +63,8 @@ def main() -> None:
         print(f"{name:42s} {value:8.0f} ns")
     forward, step, aba, _ = least.values()
     print(f"ours to pinocchio {forward / aba:.2f} (binding included); a step is {step / forward:.2f} forward dynamics")
+    if forward > MOST_FORWARD * aba or step > MOST_STEP * forward:
+        sys.exit(f"more than {MOST_FORWARD:g} times pinocchio or {MOST_STEP:g} forward dynamics a step")
 
 
 def our_calls(model):

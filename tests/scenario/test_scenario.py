@@ -125,6 +125,18 @@ def test_overrides(write):
     assert len(found) == 4 and "did you mean 'a'" in found[0] and "did you mean" in found[2]
 
 
+def test_words_that_only_recordings_have_are_parameters_of_fmus(write):
+    """`interpolation` is a parameter of a channel too; what plays no recording has no such keys of its own."""
+    scenario = load_scenario(write(GOOD), ["a.interpolation=hold", "a.scale=2", "a.offset=1.5"])
+    assert scenario.components["a"].parameters.items() >= {"interpolation": "hold", "scale": 2, "offset": 1.5}.items()
+    assert scenario.components["a"].scale == 1.0
+    played = load_scenario("recorded-delay")
+    name = next(name for name, c in played.components.items() if c.recording)
+    assert load_scenario("recorded-delay", [f"{name}.scale=2.0"]).components[name].scale == 2.0
+    (found,) = problems(lambda: load_scenario(write(GOOD.replace('"B"', '"B"\noffset = 1.0'))))
+    assert "components.b.offset: expected a component that plays a recording" in found
+
+
 def test_a_whole_vector_replaces_its_elements(write):
     scenario = load_scenario(write(GOOD)).with_values({"a.q[2]": 7.0})
     assert list(start_values(scenario.components["a"])) == ["k", "q", "q[2]"]

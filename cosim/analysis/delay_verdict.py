@@ -96,6 +96,19 @@ class AnyDelay:
         """(destroying - certificate) / certificate [%]."""
         return _gap(self.destroyed_at, self.certified)
 
+    def words(self) -> list[tuple[str, str]]:
+        """What was asked and what is known of it."""
+        replay, gap = self.replay, self.gap_percent
+        safe = f"stable for every law from 0 to {self.certified:.4g} s each way" if self.certified else ""
+        grown = ""
+        if self.destroyed_at and replay and replay.growth_rate is not None:
+            grown = f"a law up to {self.destroyed_at:.4g} s grows in the FMUs, {replay.growth_rate:+.3g} 1/s"
+        return [
+            ("any delay law, proven", safe or f"not given: {self.withheld['certificate']}"),
+            ("any delay law, destroyed", grown or f"not given: {self.withheld['destroying']}"),
+            *([("gap between the two", f"{gap:.2g} %")] if gap is not None else []),
+        ]
+
     def to_dict(self) -> dict[str, object]:
         """`any_delay` of stability.json."""
         kinds = {"independent": CLASS, "equal": EQUAL}

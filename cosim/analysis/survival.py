@@ -13,6 +13,7 @@ from attrs import field, frozen
 
 from cosim.analysis.assessment import boundary, theory
 from cosim.analysis.coupling import coupled
+from cosim.analysis.delay_verdict import AnyDelay, any_delay
 from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import channel_bounds
 from cosim.analysis.linearisation import linear_loop
@@ -79,13 +80,16 @@ class GainChange:
 
 @frozen
 class Survival:
-    """What was found: bounds by pose, and at the pose that bears least the replays and what gains do."""
+    """What was found: bounds by pose, and at the pose that bears least the replays, what gains do and, where it was
+    asked, the two-sided verdict on every delay law.
+    """
 
     scenario: str
     borne: tuple[BorneDelays, ...]
     worst: int
     replays: tuple[DelayReplay, ...]
     gains: tuple[GainChange, ...]
+    any_delay: AnyDelay | None = None
 
     @property
     def least(self) -> BorneDelays:
@@ -104,8 +108,10 @@ def _longer(after: float | None, before: float | None) -> bool:
     return after is not None and before is not None and after > before * (1.0 + 1e-4)
 
 
-def survival(posed: Sequence[Scenario], system: FmuSet, say: Say) -> Survival:
-    """The study of a scenario of two arms, given at each pose. Raises InputError, RunError."""
+def survival(posed: Sequence[Scenario], system: FmuSet, say: Say, every_law: bool = False) -> Survival:
+    """The study of a scenario of two arms, given at each pose; every_law: with certificate and destroying law at the
+    pose that bears least. Raises InputError, RunError.
+    """
     borne = []
     for k, scenario in enumerate(posed):
         say(f"pose {k + 1} of {len(posed)}")
@@ -118,6 +124,7 @@ def survival(posed: Sequence[Scenario], system: FmuSet, say: Say) -> Survival:
         worst,
         tuple(_replays(there, system, borne[worst], say)),
         tuple(_gain_changes(there, system, borne[worst], say)),
+        any_delay(there, system, borne[worst].constant, say) if every_law else None,
     )
 
 
@@ -227,6 +234,7 @@ def survival_document(found: Survival) -> dict[str, object]:
             for r in found.replays
         ],
         "gains": [{"gain": g.gain, "factor": g.factor, **_borne_document(g.borne)} for g in found.gains],
+        "any_delay": None if found.any_delay is None else found.any_delay.to_dict(),
     }
 
 

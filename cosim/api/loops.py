@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from attrs import evolve, frozen
 
-from cosim.analysis.certificate_file import save_certificate
 from cosim.analysis.comparison import Comparison, compare
-from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.document import document
 from cosim.analysis.falsification import Harm
 from cosim.analysis.linearisation import LinearLoop, at_pose
-from cosim.analysis.replay import write_trace
 from cosim.analysis.transparency import FREQUENCIES, Hybrid
 from cosim.analysis.transparency import transparency as hybrid_matrix
 from cosim.api.card import card
 from cosim.api.runs import loaded
+from cosim.api.two_sided import TWO_SIDED, two_sided_files
 from cosim.engine.isolation import runner
 from cosim.engine.master import run as run_here
 from cosim.engine.reference import RunProgress
@@ -132,24 +130,13 @@ class StabilityResult:
         folder.mkdir(parents=True, exist_ok=True)
         files: dict[str, Callable[[Path], object]] = {"report.html": self._write_page} if report else {}
         files |= self._two_sided() | {"stability.json": lambda path: write_json(self.to_dict(), path)}
-        save_files(
-            folder, files, ["report.html", "certificate.json", "destroying.csv", "destroying.toml", "worst.toml"]
-        )
+        save_files(folder, files, ["report.html", *TWO_SIDED, "worst.toml"])
         return folder
 
     def _two_sided(self) -> dict[str, Callable[[Path], object]]:
-        found = self.comparison.any_delay
-        files: dict[str, Callable[[Path], object]] = {}
+        files = two_sided_files(self.comparison.any_delay)
         if worst := self.comparison.falsification:
             files["worst.toml"] = lambda path: write_text(to_toml(worst.scenario), path)
-        if found is None or found.system is None:
-            return files
-        system, destroyer, replay = found.system, found.destroyer, found.replay
-        if system.certificates:
-            files["certificate.json"] = lambda path: save_certificate(system, path)
-        if destroyer is not None and replay is not None and (played := replay.scenario) is not None:
-            files["destroying.csv"] = lambda path: write_trace(destroyer.ages, system.step, system.channels, path)
-            files["destroying.toml"] = lambda path: write_text(to_toml(played), path)
         return files
 
     def _write_page(self, path: Path) -> Path:
@@ -192,26 +179,13 @@ def _rows(found: Comparison) -> list[tuple[str, str]]:
         rows += [("spectrum", f"{'unstable' if t.abscissa > 0 else 'stable'}, abscissa {t.abscissa:+.5g} 1/s{limit}")]
     if "spectrum" in t.withheld:
         rows += [("spectrum", f"not given: {t.withheld['spectrum']}")]
-    rows += _any_delay_rows(found.any_delay) if found.any_delay else []
+    rows += found.any_delay.words() if found.any_delay else []
     if worst := found.falsification:
         said = worst.to_dict()
         reached = worst.outcome.value if said["worst"] is None else f"{said['worst']:+.4g} {worst.harm.unit}"
         rows += [(f"worst {worst.harm.value} of {worst.runs} runs", f"{reached}, {worst.before:+.4g} as it stands")]
     rate = "" if judged.growth_rate is None else f", {judged.growth_rate:+.5g} 1/s"
     return [*rows, ("simulation", f"{judged.outcome.value}{rate}"), ("evidence", found.evidence.value)]
-
-
-def _any_delay_rows(found: AnyDelay) -> list[tuple[str, str]]:
-    replay, gap = found.replay, found.gap_percent
-    safe = f"stable for every law from 0 to {found.certified:.4g} s each way" if found.certified else ""
-    grown = ""
-    if found.destroyed_at and replay and replay.growth_rate is not None:
-        grown = f"a law up to {found.destroyed_at:.4g} s grows in the FMUs, {replay.growth_rate:+.3g} 1/s"
-    return [
-        ("any delay law, proven", safe or f"not given: {found.withheld['certificate']}"),
-        ("any delay law, destroyed", grown or f"not given: {found.withheld['destroying']}"),
-        *([("gap between the two", f"{gap:.2g} %")] if gap is not None else []),
-    ]
 
 
 def _verdict(holds: bool, yes: str, no: str, limit: float) -> str:

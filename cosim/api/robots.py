@@ -12,6 +12,7 @@ from cosim.analysis.equal_arms import looked_at_poses, standing_at, with_arm
 from cosim.analysis.survival import Survival, survival, survival_document
 from cosim.api.card import card
 from cosim.api.runs import loaded
+from cosim.api.two_sided import TWO_SIDED, two_sided_files
 from cosim.arm.reduction import ReducedArm
 from cosim.arm.robot import Robot, read_robot, robot_document
 from cosim.arm.serial import SerialModel
@@ -72,6 +73,7 @@ class RobotResult:
         *,
         values: Mapping[str, object] | None = None,
         poses: int | Sequence[Sequence[float]] = 5,
+        any_delay: bool = False,
         say: Callable[[str], None] | None = None,
     ) -> RobotResult:
         """The result with the delays that two of these arms bear under a scenario, which supplies gains and delays.
@@ -79,8 +81,9 @@ class RobotResult:
         Both arms of the scenario become this one; of theirs only gravity compensation, an impedance inside the device
         and internal steps are kept. values: changes of the scenario after that, as `--set` makes them; poses: how many
         (the scenario's start or the arm's own, then random ones inside the limits), or the poses themselves (n,)
-        [rad]; say: is told what is being done. Raises InputError where the scenario does not fit the arm, RunError
-        where an FMU fails.
+        [rad]; any_delay: also, at the pose that bears least, how far it is proven for every delay law, and a law that
+        destroys (minutes); say: is told what is being done. Raises InputError where the scenario does not fit the arm,
+        RunError where an FMU fails.
         """
         given = loaded(scenario)
         chosen = with_arm(given, self.model).with_values(values or {})
@@ -89,7 +92,7 @@ class RobotResult:
         places = looked_at_poses(given, self.model, poses).tolist() if isinstance(poses, int) else poses
         posed = [standing_at(chosen, self.model, pose) for pose in places]
         with open_system(posed[0], say) as system:
-            return evolve(self, survival=survival(posed, system, say or (lambda text: None)))
+            return evolve(self, survival=survival(posed, system, say or (lambda text: None), any_delay))
 
     def excitation(self, duration: float = 60.0, *, seed: int = 0, rounds: int = 100) -> Excitation:
         """A motion [rad] of so many seconds that identifies the arm, inside its limits: see `robot_excitation`.
@@ -124,7 +127,8 @@ class RobotResult:
         platforms: Iterable[str] | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Path:
-        """Write NAME.fmu, robot.json and report.html; returns the path of the FMU.
+        """Write NAME.fmu, robot.json and report.html, and what there is of certificate.json, destroying.csv and
+        destroying.toml (see `StabilityResult.save`); returns the path of the FMU.
 
         fmi: version of the FMU, 2 or 3; platforms: FMI 3 names of those of its binaries (default: this machine).
         """
@@ -136,12 +140,13 @@ class RobotResult:
         folder.mkdir(parents=True, exist_ok=True)
         name = f"{self.found.name}.fmu"
         content = {**self.to_dict(), "fmu": name, "fmi": fmi}
-        files = {
+        files: dict[str, Callable[[Path], object]] = {
             name: lambda path: path.write_bytes(built),
             "robot.json": lambda path: write_json(content, path),
             "report.html": lambda path: write_report(robot_report(self.found, command_line(), self.survival), path),
         }
-        save_files(folder, files)
+        files |= two_sided_files(self.survival and self.survival.any_delay)
+        save_files(folder, files, TWO_SIDED)
         return folder / name
 
     def __str__(self) -> str:

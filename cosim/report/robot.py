@@ -9,6 +9,7 @@ from cosim.arm.serial_table import home
 from cosim.report.html import Code, Report, Section, Table
 from cosim.report.plots import Colour, Figure, Mark, Plot, PlotAxis, Series
 from cosim.report.robot_survival import survival_section, survival_sentences
+from cosim.report.stability import any_delay_sections
 
 SHOWN = 6000
 """Points of the workspace that are drawn."""
@@ -17,7 +18,7 @@ SHOWN = 6000
 def robot_report(robot: Robot, command: str = "", survival: Survival | None = None) -> Report:
     """The whole page; survival: what two of them bear, where that was asked."""
     model, arm = robot.arm.model, robot.arm
-    parts = [] if survival is None else [survival_section(survival)]
+    parts = [] if survival is None else [survival_section(survival), *any_delay_sections(survival.any_delay)]
     parts += [_chain(robot), _bodies(robot), _workspace(robot), _masses(robot)]
     if arm.locked or arm.doubts:
         parts.insert(len(parts) - 2, _doubts(robot))

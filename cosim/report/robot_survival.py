@@ -22,6 +22,8 @@ def survival_sentences(found: Survival) -> list[str]:
         if better := found.better(bound)[:_SHOWN]:
             told = ", ".join(f"{g.gain} x {g.factor:g} to {_ms(getattr(g.borne, bound))}" for g in better)
             lines.append(f"More is borne ({what}): {told}.")
+    if found.any_delay is not None:
+        lines += [f"{what[0].upper()}{what[1:]}: {said}." for what, said in found.any_delay.words()]
     return lines
 
 

@@ -20,7 +20,7 @@ def stability_report(found: Comparison, loop: LinearLoop, felt: Hybrid | None = 
     """The report of one comparison, with what the hand feels where that is known."""
     unstable = found.evidence is StabilityEvidence.FALSIFIED
     hand = [] if felt is None else [_felt(felt)]
-    sections = [_conditions(found), *_any_delay(found), *_linear(found, loop), *hand, _read(found)]
+    sections = [_conditions(found), *any_delay_sections(found.any_delay), *_linear(found, loop), *hand, _read(found)]
     facts = provenance(found.judged.result)
     return Report(
         f"Stability of {found.judged.result.scenario.name}",
@@ -105,9 +105,10 @@ def _conditions(found: Comparison) -> Section:
     )
 
 
-def _any_delay(found: Comparison) -> list[Section]:
-    """What holds for every delay law, and the law that destroys: its trace, and how a disturbance grows under it."""
-    both = found.any_delay
+def any_delay_sections(both: AnyDelay | None) -> list[Section]:
+    """What holds for every delay law, and the law that destroys: its trace, and how a disturbance grows under it; none
+    where it was not asked.
+    """
     if both is None:
         return []
     words = []

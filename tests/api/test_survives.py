@@ -79,6 +79,26 @@ def test_what_is_written(found, tmp_path):
     assert "every delay law to 100 ms in every pose" in str(found)
 
 
+@pytest.mark.slow
+def test_every_delay_law_is_proven_so_far_and_destroyed_from_there(one, tmp_path):
+    """Certificate and destroying law enclose; neither is beyond the boundary of constant delays, which are laws too.
+
+    The proof is checked without optimising, the law is run again from the files that were written.
+    """
+    found = one.survives("panda", values=GAINS, poses=1, any_delay=True)
+    both, constant = found.survival.any_delay, boundary(INERTIA, STIFFNESS, DAMPING)
+    assert DAMPING / STIFFNESS < both.certified < both.destroyed_at <= 1.02 * constant
+    assert both.gap_percent < 10 and both.replay.growth_rate > 0
+    found.save(tmp_path)
+    assert cosim.verify(tmp_path / "certificate.json").holds
+    told = json.loads((tmp_path / "robot.json").read_text())["survives"]["any_delay"]
+    assert told["certificate"] == both.certified and told["destroying"] == both.destroyed_at
+    played = cosim.run(tmp_path / "destroying.toml")
+    assert played.growth_rate is None or played.growth_rate > 0
+    assert "Any delay law" in (tmp_path / "report.html").read_text()
+    assert f"stable for every law from 0 to {both.certified:.4g} s each way" in str(found)
+
+
 def test_what_does_not_fit_is_bad_input(one, tmp_path, capsys):
     with pytest.raises(InputError, match="values"):
         one.survives("panda")  # gains of seven joints for one
@@ -91,6 +111,9 @@ def test_what_does_not_fit_is_bad_input(one, tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
         main(["robot", str(file), "--set", "arm_l.viscous=1", "--out", str(tmp_path / "out")])
     assert "--survives SCENARIO" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["robot", str(file), "--any-delay", "--out", str(tmp_path / "out")])
+    assert "--any-delay" in capsys.readouterr().err
 
 
 def test_poses_begin_with_the_scenarios_and_stay_inside_the_limits():

@@ -21,7 +21,19 @@ def recording_fmu(
     platforms: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """A Recording FMU whose outputs are the columns (n,) over time (n,), s; cached by content.
+    """A Recording FMU of `recording_job`; cached by content."""
+    return build(recording_job(time, columns, units, interpolation, fmi, platforms), progress)
+
+
+def recording_job(
+    time: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    interpolation: str = "linear",
+    fmi: int = 3,
+    platforms: Sequence[str] | None = None,
+) -> BuildJob:
+    """How to build a Recording whose outputs are the columns (n,) over time (n,), s.
 
     `interpolation` is "linear" or "hold". Raises BuildError for columns of other lengths, values that are no finite
     numbers, time that does not increase, names that FMI does not allow, units that are missing or not known.
@@ -33,7 +45,7 @@ def recording_fmu(
         raise BuildError(f"recording: {problem}" for problem in problems)
     table = override(_table(data, units), {"interpolation": interpolation})
     extra = {"recording.h": _header(moments, data)}
-    return build(BuildJob(table, fmi, check_platforms(platforms), extra, level=1), progress)
+    return BuildJob(table, fmi, check_platforms(platforms), extra, level=1)
 
 
 def _problems(time: np.ndarray, data: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:

@@ -13,21 +13,21 @@ from build_fmus.sources import home_of, is_path, model_table, source_root
 EXPORTS = ("-mexec-model=reactor", "-Wl,--export-memory", "-Wl,-z,stack-size=262144", "-Wl,--strip-all")
 
 
-def model_token(model: str) -> str:
-    """Instantiation token of a model's FMI 3 FMU."""
-    return token_of(source_files(_job(model)))
+def token(job: BuildJob) -> str:
+    """Instantiation token of the FMI 3 FMU of a job."""
+    return token_of(source_files(job))
 
 
-def wasm_module(models: Mapping[str, str], scenario: str) -> bytes:
+def wasm_module(jobs: Mapping[str, BuildJob], scenario: str) -> bytes:
     """The module of fmu_src/live/live.c with models in it, from the cache or compiled now.
 
-    models: {prefix of the names of its FMI functions: model, as `fmu_path` takes it}; scenario: text of the header
-    scenario.h, what is wired and scheduled. Raises BuildError.
+    jobs: {prefix of the names of its FMI functions: how a model is built, see `model_job`}; scenario: text of
+    the header scenario.h, what is wired and scheduled. Raises BuildError.
     """
     compiler, folder = find_compiler(), cache_folder()
     if not compiler.cross:
         raise BuildError("CC compiles for this machine only, not to WebAssembly; unset CC to compile with zig")
-    objects = [_model_object(prefix, model, compiler, folder) for prefix, model in models.items()]
+    objects = [_model_object(prefix, job, compiler, folder) for prefix, job in jobs.items()]
     root = source_root()
     sources = [path for name in ("live", "executor", "shared") for path in sorted((root / name).glob("*.[ch]"))]
     parts = [path.read_bytes() for path in sources]
@@ -44,13 +44,14 @@ def wasm_module(models: Mapping[str, str], scenario: str) -> bytes:
     return module.read_bytes()
 
 
-def _job(model: str) -> BuildJob:
+def model_job(model: str) -> BuildJob:
+    """How a model is built for a module: one of ours by its name, one of the user's own by the path of its folder."""
     return BuildJob(model_table(model), 3, (), own=home_of(model) if is_path(model) else None)
 
 
-def _model_object(prefix: str, model: str, compiler: Compiler, folder: Path) -> Path:
+def _model_object(prefix: str, job: BuildJob, compiler: Compiler, folder: Path) -> Path:
     """The compiled FMI 3 functions of a model, their names with a prefix."""
-    sources = source_files(_job(model))
+    sources = source_files(job)
     flags: Sequence[str] = (*WASM, f"-DFMI3_FUNCTION_PREFIX={prefix}", "-I.", "-c", "fmi3.c")
     key = key_of(compiler.identity, *flags, *(x for name in sorted(sources) for x in (name, sources[name])))[:24]
     kept = folder / "wasm" / key / "model.o"

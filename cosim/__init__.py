@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cosim.api.runs import RunResult, load, open_result, run
     from cosim.api.starting import new
     from cosim.api.sweeping import SweepTable, sweep
+    from cosim.api.touching import live
     from cosim.api.verifying import VerifiedCertificate, verify
     from cosim.engine.outcome import Outcome
     from cosim.measured import Recording
@@ -52,6 +53,7 @@ __all__ = [
     "export",
     "identify",
     "inspect",
+    "live",
     "load",
     "new",
     "open_result",
@@ -83,6 +85,7 @@ _HOMES = {
     "cosim.api.runs": ("RunResult", "load", "open_result", "run"),
     "cosim.api.starting": ("new",),
     "cosim.api.sweeping": ("SweepTable", "sweep"),
+    "cosim.api.touching": ("live",),
     "cosim.api.verifying": ("VerifiedCertificate", "verify"),
     "cosim.engine.outcome": ("Outcome",),
     "cosim.measured": ("Recording",),

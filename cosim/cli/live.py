@@ -15,14 +15,17 @@ def command(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="folder for the page (default: results/SCENARIO)")] = None,
     effects: Annotated[Path | None, typer.Option(help="effects file of close-loop")] = None,
+    stability_map: Annotated[
+        bool, typer.Option("--map/--no-map", help="show where the loop is among stiffness, damping and delay")
+    ] = True,
     allow_outside: Annotated[bool, typer.Option("--allow-outside", help=OUTSIDE)] = False,
 ) -> None:
     """The loop to touch, in one offline page: live.html."""
+    import cosim
     from cosim.cli.folder import made, named
-    from cosim.cli.run import prepare
-    from cosim.report.live import write_live
+    from cosim.cli.run import prepare, say
 
-    wiring = prepare(scenario, set_ or [], effects, allow_outside)
-    folder = made(out or named(wiring.scenario.name))
-    page = write_live(wiring, folder / "live.html")
+    chosen = prepare(scenario, set_ or [], effects, allow_outside).scenario
+    folder = made(out or named(chosen.name))
+    page = cosim.live(chosen, folder, stability_map=stability_map, progress=say)
     print(f"{page}: open it in a browser; the co-simulation runs there ({page.stat().st_size / 1e3:.0f} kB)")

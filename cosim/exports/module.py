@@ -4,17 +4,22 @@ The tables are those that `cosim.engine.compiled` fills for the same loop, so th
 """
 
 from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.engine.initialisation import initial_sources
 from cosim.errors import InputError, Problem, RunError
-from cosim.scenario import Component, Conversion
+from cosim.fmu.places import recording_job
+from cosim.scenario import Component, Conversion, Scenario
 from cosim.signals import REALS
 from cosim.wiring import Wiring
 from cosim.wiring.bounds import OF_START, usual_sizes
 from cosim.wiring.schedule import GetOutputs, Phase, SetInputs, Step, seconds
+
+if TYPE_CHECKING:
+    from build_fmus.build import BuildJob
 
 _KINDS = {"Real": "Float64", "Integer": "Int32", "Enumeration": "Int64"}
 _TYPES = {"Float64": "double", "Int32": "int32_t", "Int64": "int64_t", "Boolean": "_Bool"}
@@ -29,7 +34,7 @@ extern int {p}fmi3SetInt32(void *, const uint32_t *, size_t, const void *, size_
 extern int {p}fmi3SetInt64(void *, const uint32_t *, size_t, const void *, size_t);
 extern int {p}fmi3SetBoolean(void *, const uint32_t *, size_t, const void *, size_t);
 extern int {p}fmi3DoStep(void *, double, double, _Bool, _Bool *, _Bool *, _Bool *, double *);
-static int {p}set(void *c, const uint32_t *r, size_t n, const void *v, size_t m) {{
+static inline int {p}set(void *c, const uint32_t *r, size_t n, const void *v, size_t m) {{
     return {p}fmi3SetFloat64(c, r, n, v, m);
 }}
 """
@@ -69,7 +74,7 @@ def module_of(wiring: Wiring, held: str, free: Iterable[str] = ()) -> Module:
     tables = _Tables(wiring, held, frozenset(free))
     try:
         text = tables.text()
-        return Module(wasm_module(tables.prefixes, text), tuple(wiring.signals), tables.starts)
+        return Module(wasm_module(tables.jobs, text), tuple(wiring.signals), tables.starts)
     except BuildError as error:
         raise RunError("WebAssembly", None, str(error)) from error
 
@@ -79,7 +84,7 @@ def refusals(wiring: Wiring) -> list[Problem]:
     found = [
         Problem(
             f"components.{name}",
-            "one of the models in C, or a folder of your own with a model.c",
+            "one of the models in C, a folder of your own with a model.c, or a recording",
             why,
             "only C sources can be compiled into a page; `cosim run` runs this scenario",
         )
@@ -98,41 +103,47 @@ def refusals(wiring: Wiring) -> list[Problem]:
 
 
 def _refused(component: Component) -> str:
-    if component.recording is not None:
-        return f"the recording {component.recording}"
     if component.fmu is not None:
         return f"the FMU {component.fmu}"
     return f"the model in Python {component.model}" if (component.model or "").endswith(".py") else ""
+
+
+def _job(component: Component, scenario: Scenario) -> tuple[str, "BuildJob"]:
+    """What a component is built of, by a name that only components of the same content share, and how."""
+    from build_fmus.wasm import model_job, token
+
+    if component.recording is not None:
+        job = evolve(recording_job(component, scenario), fmi=3)
+        return token(job), job
+    model = str(component.model_path(scenario.folder)) if component.own else str(component.model)
+    return model, model_job(model)
 
 
 class _Tables:
     """The header scenario.h of a wiring (see fmu_src/live/live.c)."""
 
     def __init__(self, wiring: Wiring, held: str, free: frozenset[str]) -> None:
-        from build_fmus.sources import model_table
-
         self.wiring, self.held, self.free = wiring, held, free
         self.names = list(wiring.scenario.components)
-        folder = wiring.scenario.folder
-        paths = {
-            name: str(c.model_path(folder)) if c.own else str(c.model) for name, c in wiring.scenario.components.items()
-        }
-        models = list(dict.fromkeys(paths.values()))
-        self.prefixes = {f"m{k}_": model for k, model in enumerate(models)}
-        self.prefix = {name: f"m{models.index(path)}_" for name, path in paths.items()}
-        self.tables = {name: model_table(path) for name, path in paths.items()}
+        jobs = {name: _job(component, wiring.scenario) for name, component in wiring.scenario.components.items()}
+        apart = list(dict.fromkeys(name for name, _ in jobs.values()))
+        self.prefix = {name: f"m{apart.index(kind)}_" for name, (kind, _) in jobs.items()}
+        self.jobs = {self.prefix[name]: job for name, (_, job) in jobs.items()}
+        self.tables = {name: job.table for name, (_, job) in jobs.items()}
         self.references = {name: {s.name: s.reference for s in table.scalars} for name, table in self.tables.items()}
         self.starts: dict[str, StartPlace] = {}
+        self.whole: list[str] = []
         self.lines: list[str] = []
 
     def text(self) -> str:
         """The header."""
         self.lines = ["/* Generated: components, start values and schedule of one scenario. */"]
-        self.lines += [_HEAD.format(p=p) for p in self.prefixes]
+        self.lines += [_HEAD.format(p=p) for p in self.jobs]
         self._add("static _Bool event, terminate, early;\nstatic double reached;")
         banks = [self._banks(k, name) for k, name in enumerate(self.names)]
         values = [p.value for p in self.starts.values()]
         self.lines.insert(1, f"static double starts[] = {{{_numbers(values)}}};")
+        self._add(f"static const Whole whole[] = {{{_lines(self.whole)}}};\n#define N_WHOLE {len(self.whole)}")
         self._instances()
         self._start(banks)
         self._phases()
@@ -167,7 +178,9 @@ class _Tables:
 
     def _bank(self, number: int, name: str, kind: str, some: list[str], given: Mapping[str, float | str]) -> str:
         refs = self._array("uint32_t", [self.references[name][v] for v in some])
-        if kind != "Float64":
+        if kind == "Int64" and any(f"{name}.{v}" in self.free for v in some):
+            values, setter = self._whole(number, name, some, given), f"fmi3Set{kind}"
+        elif kind != "Float64":
             values, setter = self._array(_TYPES[kind], [int(given[v]) for v in some]), f"fmi3Set{kind}"
         else:
             values, setter = f"starts + {len(self.starts)}", "set"
@@ -178,6 +191,15 @@ class _Tables:
                     len(self.starts), number, tunable, float(given[variable])
                 )
         return f"{{.set3 = {self.prefix[name]}{setter}, .refs = {refs}, .values = {values}, .n = {len(some)}}}"
+
+    def _whole(self, number: int, name: str, some: list[str], given: Mapping[str, float | str]) -> str:
+        """The name of a new array of whole numbers that are taken from the start values at each start."""
+        array = f"a{len(self.lines)}"
+        self._add(f"static int64_t {array}[{len(some)}];")
+        self.whole.append(f"{{{array}, {len(self.starts)}, {len(some)}}}")
+        for variable in some:
+            self.starts[f"{name}.{variable}"] = StartPlace(len(self.starts), number, None, float(given[variable]))
+        return array
 
     def _start(self, banks: list[tuple[str, int]]) -> None:
         rows = []
@@ -196,9 +218,9 @@ class _Tables:
     # --- instances and schedule ---------------------------------------------------------------------------------------
 
     def _instances(self) -> None:
-        from build_fmus.wasm import model_token
+        from build_fmus.wasm import token
 
-        rows, made, tokens = [], [], {p: model_token(model) for p, model in self.prefixes.items()}
+        rows, made, tokens = [], [], {p: token(job) for p, job in self.jobs.items()}
         for number, name in enumerate(self.names):
             p = self.prefix[name]
             made.append(f'{{"{name}", "{tokens[p]}", {p}fmi3InstantiateCoSimulation}}')

@@ -5,12 +5,16 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.errors import InputError, Problem, RunError, did_you_mean
 from cosim.measured.reader import signals
 from cosim.scenario import Component, Scenario, joints_of
+
+if TYPE_CHECKING:
+    from build_fmus.build import BuildJob
 
 Progress = Callable[[str], None]
 
@@ -27,7 +31,9 @@ def fmu_file(component: Component, scenario: Scenario, progress: Progress | None
         if component.fmu is not None:
             return (scenario.folder / component.fmu).resolve()
         if component.recording is not None:
-            return _recording(component, scenario.folder / component.recording, scenario, progress)
+            from build_fmus.build import build
+
+            return build(recording_job(component, scenario, progress), progress)
         if component.own:
             return own_model(component.model_path(scenario.folder), scenario.experiment.fmi, progress)
         return _model(component.model or "", joints_of(component), scenario.experiment.fmi, progress)
@@ -80,16 +86,17 @@ def _built(model: str, joints: int | None, fmi: int, progress: Progress | None) 
     return fitted_fmu(model, joints, fmi, progress=progress)
 
 
-def _recording(component: Component, path: Path, scenario: Scenario, progress: Progress | None) -> Path:
-    """A Recording FMU that plays columns of a measured file over its time column as outputs y[1], y[2], ..."""
-    from build_fmus import recording_fmu
+def recording_job(component: Component, scenario: Scenario, progress: Progress | None = None) -> "BuildJob":
+    """How to build the Recording of a component: columns of its file over the time column as outputs y[1], y[2], ...
 
-    table = played(component, path, scenario, progress)
+    Raises InputError, BuildError.
+    """
+    from build_fmus.recording import recording_job as job
+
+    table = played(component, scenario.folder / (component.recording or ""), scenario, progress)
     columns = {f"y[{i + 1}]": table[:, i + 1] * component.scale for i in range(len(component.columns))}
     units = dict.fromkeys(columns, component.unit or "1")
-    return recording_fmu(
-        table[:, 0], columns, units, component.interpolation.value, scenario.experiment.fmi, progress=progress
-    )
+    return job(table[:, 0], columns, units, component.interpolation.value, scenario.experiment.fmi)
 
 
 def played(component: Component, path: Path, scenario: Scenario, progress: Progress | None = None) -> np.ndarray:

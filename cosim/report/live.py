@@ -1,23 +1,30 @@
-"""A page in which a co-simulation runs: the module of a scenario, both arms, a hand on the local one, sliders."""
+"""A page in which a co-simulation runs: modules of a scenario and of its choices, both arms, a hand on the local one,
+sliders, the stability map.
+"""
 
 import base64
 import json
-from collections.abc import Iterable, Mapping
+import zlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from attrs import asdict, frozen
 
+from cosim.analysis.gain_map import GainMap
 from cosim.arm.kinematics import L1, L2
 from cosim.arm.segments import Segments
 from cosim.errors import InputError, Problem
-from cosim.exports.module import Module, StartPlace, module_of, refusals
+from cosim.exports.module import Module, module_of, refusals
 from cosim.report.html import filled, web
+from cosim.report.live_controls import Slider, coupling, delay_laws, slider, slider_names
+from cosim.results.measures import port_places
 from cosim.results.saving import write_text
 from cosim.wiring import Wiring
 
 STYLES = ("uPlot.min.css", "page.css", "live.css")
-SCRIPTS = ("uPlot.iife.min.js", "loop.js", "live.js")
+SCRIPTS = ("uPlot.iife.min.js", "loop.js", "live_map.js", "live.js")
 HELD = ("q[3]", "x[3]", "dx[3]", "tau_motor[3]")
 """Outputs of an arm in space that the page needs."""
 OTHER_HAND = 2.0
@@ -25,59 +32,48 @@ OTHER_HAND = 2.0
 
 
 @frozen
-class Slider:
-    """Start values that a slider sets together: all elements of a variable in all components of a model.
-
-    names: `component.variable`; least, most: the ends of the slider [unit]; at_once: whether a running
-    component takes it.
-    """
+class LiveChoice:
+    """One of the loops of a page: its name in the menu, its wiring, and its stability map or why it has none."""
 
     label: str
-    unit: str
-    names: tuple[str, ...]
-    value: float
-    least: float
-    most: float
-    at_once: bool
+    wiring: Wiring
+    chart: GainMap | None = None
+    no_chart: str = ""
 
 
-STEMS: Mapping[str, tuple[str, float]] = {
-    "stiffness": ("stiffness K", 1.0),
-    "damping": ("damping B", 0.5),
-    "delay_mean": ("delay", 1.0),
-    "delay_max": ("delay, greatest", 1.0),
-    "delay_min": ("delay, least", 1.0),
-    "loss_to_bad": ("loss: good to bad, per sample", 0.2),
-    "loss_good": ("loss: in the good state, per sample", 0.5),
-    "offset": ("wall: place", 0.1),
-}
-"""Variables that get a slider, in words, and the end of the slider where four times the scenario's value is less (of a
-place: how far it may be moved to either side).
-"""
-
-
-def live_page(wiring: Wiring) -> str:
+def live_page(choices: Sequence[LiveChoice]) -> str:
     """The text of the page. Raises InputError for a scenario that cannot run in one."""
-    held = _arms(wiring)
-    groups = _groups(wiring)
-    module = module_of(wiring, held[0], [name for names in groups.values() for name in names])
-    sliders = [_slider(wiring, key, names, module.starts) for key, names in groups.items()]
-    scenario, told = wiring.scenario, _told(wiring, held, module, sliders)
+    scenario, modules, told = choices[0].wiring.scenario, [], []
+    for choice in choices:
+        held, sliders = _arms(choice.wiring), sliders_of(choice.wiring)
+        laws = delay_laws(choice.wiring)
+        free = [name for part in (*sliders.values(), *(law.names for law in laws)) for name in part]
+        module = module_of(choice.wiring, held[0], free)
+        made = [slider(choice.wiring, key, names, module.starts) for key, names in sliders.items()]
+        modules.append(base64.b64encode(zlib.compress(module.wasm, 9)).decode("ascii"))
+        told.append(_told(choice, held, module, made) | {"laws": [asdict(law) for law in laws]})
     return filled(
         "live.html.j2",
         title=scenario.title or scenario.name,
         description=scenario.description,
         style=web(STYLES),
         script=web(SCRIPTS),
-        module=base64.b64encode(module.wasm).decode("ascii"),
-        scenario=json.dumps(told, separators=(",", ":")).replace("<", "\\u003c"),
+        modules=modules,
+        choices=json.dumps(told, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     )
 
 
-def write_live(wiring: Wiring, path: Path) -> Path:
+def write_live(choices: Sequence[LiveChoice], path: Path) -> Path:
     """Write the page and return its path. Raises InputError as `live_page`."""
-    write_text(live_page(wiring), path)
+    write_text(live_page(choices), path)
     return path
+
+
+def sliders_of(wiring: Wiring) -> Mapping[tuple[str, str], list[str]]:
+    """Start values that get a slider, by model and stem. Raises InputError for a scenario that cannot run in a page."""
+    if problems := refusals(wiring):
+        raise InputError(problems)
+    return slider_names(wiring)
 
 
 def _arms(wiring: Wiring) -> tuple[str, ...]:
@@ -95,57 +91,16 @@ def _arms(wiring: Wiring) -> tuple[str, ...]:
     return arms[:2] if wiring.scenario.arms else arms[:1]
 
 
-def _groups(wiring: Wiring) -> dict[tuple[str, str], list[str]]:
-    """{(model, stem): names of start values} that get a slider, arms apart."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for name, component in wiring.scenario.components.items():
-        description = wiring.descriptions[name]
-        if "q[1]" in description.outputs:
-            continue
-        for stem in STEMS:
-            elements = [stem] if stem in description.variables else description.elements(stem)
-            if elements and _acts(wiring, name, stem):
-                groups.setdefault((component.kind, stem), []).extend(f"{name}.{e}" for e in elements)
-    return groups
-
-
-def _acts(wiring: Wiring, name: str, stem: str) -> bool:
-    """Whether a variable of a component does anything in this scenario: the delays that its law reads."""
-    variables = wiring.descriptions[name].variables
-    if stem == "offset":
-        return "surface" in variables and variables["surface"].item(wiring.start(name, "surface")) == "wall"
-    if "law" not in variables or not stem.startswith("delay"):
-        return variables[stem if stem in variables else f"{stem}[1]"].causality not in ("input", "output")
-    law = variables["law"].item(wiring.start(name, "law"))
-    return law != "recorded" and (stem == "delay_mean") == (law == "constant")
-
-
-def _slider(wiring: Wiring, key: tuple[str, str], names: Iterable[str], starts: Mapping[str, StartPlace]) -> Slider:
-    names, (model, stem) = tuple(names), key
-    component, _, variable = names[0].partition(".")
-    words, most = STEMS[stem]
-    value, described = starts[names[0]].value, wiring.descriptions[component].variables[variable]
-    highest = described.limits[1]
-    return Slider(
-        f"{model}: {words}",
-        "" if described.unit.name == "1" else described.unit.name,
-        names,
-        value,
-        value - most if stem == "offset" else 0.0,
-        min(value + most if stem == "offset" else max(most, 4 * value), highest),
-        all(starts[name].reference is not None for name in names),
-    )
-
-
-def _told(wiring: Wiring, arms: tuple[str, ...], module: Module, sliders: list[Slider]) -> dict[str, Any]:
-    """What the page's script is told."""
-    links = {"l1": L1, "l2": L2, "l3": Segments().l3}
+def _told(choice: LiveChoice, arms: tuple[str, ...], module: Module, sliders: list[Slider]) -> dict[str, Any]:
+    """What the page's script is told of a choice."""
+    wiring, links = choice.wiring, {"l1": L1, "l2": L2, "l3": Segments().l3}
     phantoms = {name for name, c in wiring.scenario.components.items() if c.model == "PhantomArm"}
     stiffness = next(
         (s.value for s in sliders if s.label.endswith("stiffness K") and "Environment" not in s.label), 0.0
     )
     stiffness = 4 * stiffness or OTHER_HAND
     return {
+        "label": choice.label,
         "name": wiring.scenario.name,
         "signals": module.signals,
         "starts": {name: asdict(place) for name, place in module.starts.items()},
@@ -155,8 +110,29 @@ def _told(wiring: Wiring, arms: tuple[str, ...], module: Module, sliders: list[S
         "sliders": [asdict(slider) for slider in sliders],
         "delays": [n for n in wiring.scenario.components if f"{n}.delay_now" in module.signals],
         "hand": {"stiffness": stiffness, "damping": 0.1 * stiffness},
+        "ports": _ports(wiring),
+        "map": None if choice.chart is None else _chart(choice.chart),
+        "coupling": coupling(sliders_of(wiring)),
+        "no_map": choice.no_chart,
         "recorded": _recorded(wiring, arms[0]),
     }
+
+
+def _ports(wiring: Wiring) -> dict[str, list[dict[str, Any]]]:
+    """Ports whose energy the page tells; a wall of an arm only where it is there."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for name, places in port_places(wiring, wiring.signals).items():
+        arms = [place.velocity[0].partition(".")[0] for place in places]
+        there = [not p.wall or wiring.start(arm, "contact_stiffness") > 0 for p, arm in zip(places, arms)]
+        found[name] = [asdict(place) for place, shown in zip(places, there) if shown]
+    return found
+
+
+def _chart(chart: GainMap) -> dict[str, Any]:
+    """A map as JSON has it: in place of delays their inverses [1/s], which are 0 where every delay is borne."""
+    with np.errstate(divide="ignore"):
+        inverse = np.minimum(1.0 / chart.delay, 1e9)
+    return {"across": chart.across.tolist(), "beside": chart.beside.tolist(), "inverse": inverse.tolist()}
 
 
 def _recorded(wiring: Wiring, arm: str) -> str:

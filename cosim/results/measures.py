@@ -7,7 +7,7 @@ dq [rad/s]. Integrals over time are by the trapezoidal rule on the recorded rows
 the interval between rows (`record_every`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 from attrs import frozen
@@ -63,20 +63,48 @@ def _energies(ports: Mapping[str, list[PortRecord]], time: np.ndarray) -> dict[s
 
 
 def _ports(result: Result, wiring: Wiring) -> dict[str, list[PortRecord]]:
-    """The ports that are there, of hand, environment and coupling."""
-    local, remote = result.scenario.arms or ("", "")
+    """The ports that are there, of hand, environment and coupling; a wall of an arm counts where it was touched."""
+    found: dict[str, list[PortRecord]] = {}
+    for name, places in port_places(wiring, result.signals).items():
+        records = [(p.wall, PortRecord(p.forces(result.signals), p.velocities(result.signals))) for p in places]
+        found[name] = [record for wall, record in records if record.force.any() or not wall]
+    return found
+
+
+@frozen
+class PortPlace:
+    """The signals of a port: for each axis the force as (signal, gain, shift), force = gain signal + shift, and the
+    velocity. wall: it is a wall that is part of the arm.
+    """
+
+    force: tuple[tuple[str, float, float], ...]
+    velocity: tuple[str, ...]
+    wall: bool = False
+
+    def forces(self, signals: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Forces (n, k) of recorded signals."""
+        return np.column_stack([gain * signals[name] + shift for name, gain, shift in self.force])
+
+    def velocities(self, signals: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Velocities (n, k) of recorded signals."""
+        return np.column_stack([signals[name] for name in self.velocity])
+
+
+def port_places(wiring: Wiring, signals: Container[str]) -> dict[str, list[PortPlace]]:
+    """The ports of hand, environment and coupling whose signals are among those given; none without two arms."""
+    local, remote = wiring.scenario.arms or ("", "")
     places = {
         "hand": [(local, "f")],
         "environment": [(remote, "f")],
         "coupling": [(arm, kind) for arm in (local, remote) for kind in ("f_command", "tau")],
     }
     return {
-        name: [p for arm, kind in where if (p := port(result, wiring, arm, kind)) is not None]
+        name: [p for arm, kind in where if arm and (p := _place(wiring, signals, arm, kind)) is not None]
         for name, where in places.items()
     }
 
 
-def port(result: Result, wiring: Wiring, arm: str, kind: str) -> PortRecord | None:
+def _place(wiring: Wiring, signals: Container[str], arm: str, kind: str) -> PortPlace | None:
     """The port of an arm at its input `f`, `f_command` or `tau`; None where nothing is wired, or it is not recorded.
 
     A wall that is part of the arm (`f_contact`) stands in for what is wired into `f`.
@@ -84,17 +112,15 @@ def port(result: Result, wiring: Wiring, arm: str, kind: str) -> PortRecord | No
     sources = {link.target.variable: link for link in wiring.links if link.target.component == arm}
     links = [sources.get(name) for name in wiring.descriptions[arm].elements(kind)]
     names = ("dq",) if kind == "tau" else ("dx_tip", "dx")
-    moved = next((n for n in names if links and f"{arm}.{n}[{len(links)}]" in result.signals), None)
+    moved = next((n for n in names if links and f"{arm}.{n}[{len(links)}]" in signals), None)
     if moved is None:
         return None
-    velocity = result.vector(f"{arm}.{moved}")
-    wired = [link for link in links if link is not None and str(link.source) in result.signals]
+    velocity = tuple(f"{arm}.{moved}[{k + 1}]" for k in range(len(links)))
+    wired = [link for link in links if link is not None and str(link.source) in signals]
     if len(wired) == len(links):
-        force = [link.gain * result.signals[str(link.source)] + link.shift for link in wired]
-        return PortRecord(np.column_stack(force), velocity)
-    if kind == "f" and not any(links) and f"{arm}.f_contact[3]" in result.signals:
-        touched = result.vector(f"{arm}.f_contact")
-        return PortRecord(touched, velocity) if touched.any() else None
+        return PortPlace(tuple((str(link.source), link.gain, link.shift) for link in wired), velocity)
+    if kind == "f" and not any(links) and f"{arm}.f_contact[3]" in signals:
+        return PortPlace(tuple((f"{arm}.f_contact[{k + 1}]", 1.0, 0.0) for k in range(3)), velocity, wall=True)
     return None
 
 

@@ -14,6 +14,12 @@ typedef struct {
     Instantiate instantiate;
 } Made;
 
+/* Start values that are whole numbers (items of enumerations), and where they stand among the start values. */
+typedef struct {
+    int64_t *to;
+    int from, n;
+} Whole;
+
 enum { HAND_ON, HAND_STIFFNESS, HAND_DAMPING, HAND_PLACE, HAND_VALUES = HAND_PLACE + 3 };
 static double hand[HAND_VALUES]; /* 1 where it holds; N/m; N s/m; m, 3 */
 static double felt[3];           /* N: force on the tip from outside, as the arm had it last */
@@ -57,6 +63,8 @@ SHOWN(begin) int begin_again(void) {
             instances[i].instance = m->instantiate(m->name, m->token, "", 0, 0, 0, 0, NULL, 0, NULL, log_message, NULL);
             if (!instances[i].instance) return 1;
         }
+    for (int i = 0; i < N_WHOLE; i++)
+        for (int k = 0; k < whole[i].n; k++) whole[i].to[k] = (int64_t)starts[whole[i].from + k];
     job.mark[0] = 0;
     if (initialise(&job, how, N_INSTANCES)) return 1;
     for (int64_t i = 0; i < job.n_outputs; i++) {

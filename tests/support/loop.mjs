@@ -1,13 +1,17 @@
-/* Runs the co-simulation of a live page without a browser: node loop.mjs PAGE LOOP.JS ROWS OUT. Writes the rows as doubles, tells what it did. */
+/* Runs the co-simulation of a live page without a browser: node loop.mjs PAGE LOOP.JS ROWS OUT [CHOICE [SET]]. Writes the rows as doubles, tells
+ * what it did. CHOICE: its number in the menu; SET: start values to change first, as JSON. */
 import fs from "node:fs";
 import vm from "node:vm";
+import zlib from "node:zlib";
 
-const [page, script, rows, out] = process.argv.slice(2);
+const [page, script, rows, out, choice = "0", set = "{}"] = process.argv.slice(2);
 const text = fs.readFileSync(page, "utf8");
 const part = (id) => text.match(new RegExp(`<script type="[^"]*" id="${id}">([^<]*)</script>`))[1];
-const scenario = JSON.parse(part("scenario")), bytes = Buffer.from(part("module"), "base64");
+const scenario = JSON.parse(part("choices"))[choice], bytes = zlib.inflateSync(Buffer.from(part(`module-${choice}`), "base64"));
 const Loop = vm.runInThisContext(`${fs.readFileSync(script, "utf8")};Loop`);
 const loop = await Loop.open(bytes, scenario), n = scenario.signals.length, table = new Float64Array((Number(rows) + 1) * n), kept = [];
+for (const [name, value] of Object.entries(JSON.parse(set))) loop.set(name, value);
+loop.reset();
 table.set(loop.row);
 const began = process.cpuUsage();
 let k = 0;

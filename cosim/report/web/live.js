@@ -4,21 +4,25 @@ const KEPT = 60_000; // rows of the recording
 const SEEN = 10; // s of the plots and of the readings
 const TURN = 0.7, TILT = 0.3; // rad: from where the arms are seen
 const ACROSS = [Math.cos(TURN), 0, Math.sin(TURN)], UP = [Math.sin(TURN) * Math.sin(TILT), Math.cos(TILT), -Math.cos(TURN) * Math.sin(TILT)];
+const ENERGIES = { hand: ["energy: the scenario's hand gave", 1], environment: ["energy: the wall gave", 1], coupling: ["energy: the coupling took", -1] };
 const dot = (a, b) => a.reduce((sum, v, k) => sum + v * b[k], 0);
 const byId = (id) => document.getElementById(id);
 const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 class LivePage {
   constructor(loop, scenario) {
-    Object.assign(this, { loop, scenario, arms: scenario.arms, running: true, speed: 1, place: null });
+    Object.assign(this, { loop, scenario, arms: scenario.arms, running: true, speed: Number(byId("speed").value), place: null, values: new Map() });
     this.canvas = byId("scene");
+    this.left = new AbortController();
     this.sliders();
     this.readings();
     this.plots();
+    this.chart();
     this.wire();
     this.again();
     let last = performance.now();
     const frame = (now) => {
+      if (this.left.signal.aborted) return;
       this.go(Math.min((now - last) / 1000, 0.1) * this.speed);
       last = now;
       this.draw();
@@ -27,11 +31,17 @@ class LivePage {
     requestAnimationFrame(frame);
   }
 
+  /** Make room for another loop. */
+  leave() {
+    this.left.abort();
+    for (const id of ["sliders", "told", "plots", "map"]) byId(id).replaceChildren();
+  }
+
   /* --- time -------------------------------------------------------------------------------------------------------- */
 
   again() {
     this.loop.reset();
-    Object.assign(this, { rows: [], work: 0, free: 0, due: 0, place: null });
+    Object.assign(this, { rows: [], work: 0, free: 0, due: 0, place: null, energy: {}, power: {} });
     if (!this.loop.ended) this.note();
     this.origin = this.arms.map((arm) => this.loop.vector(`${arm.name}.x`));
   }
@@ -54,8 +64,19 @@ class LivePage {
     const speeds = arms.map((arm) => loop.vector(`${arm.name}.dx`)), before = this.rows[this.rows.length - 1], time = loop.time;
     this.work += before ? dot(loop.felt, speeds[0]) * (time - before.time) : 0;
     if (loop.hand[0]) this.free = time;
+    for (const name of Object.keys(this.scenario.ports)) {
+      const power = this.powers(name), done = before ? 0.5 * (power + this.power[name]) * (time - before.time) : 0;
+      this.energy[name] = (this.energy[name] ?? 0) + done;
+      this.power[name] = power;
+    }
     this.rows.push({ time, tips, speed: Math.hypot(...speeds.flat()), kept: loop.recorded(arms[0].name) });
     if (this.rows.length > KEPT) this.rows.splice(0, KEPT / 10);
+  }
+
+  /** Power [W] that goes into the arms at the ports of a name. */
+  powers(name) {
+    const { loop } = this, axis = ([signal, gain, shift], v) => (gain * loop.signal(signal) + shift) * loop.signal(v);
+    return this.scenario.ports[name].reduce((sum, port) => sum + port.force.reduce((some, f, k) => some + axis(f, port.velocity[k]), 0), 0);
   }
 
   latest(seconds) {
@@ -84,14 +105,14 @@ class LivePage {
 
   wire() {
     let at = null;
-    const { canvas } = this;
-    canvas.addEventListener("pointerdown", (e) => { at = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); this.grip(this.tip()); });
+    const { canvas } = this, until = { signal: this.left.signal };
+    canvas.addEventListener("pointerdown", (e) => { at = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); this.grip(this.tip()); }, until);
     canvas.addEventListener("pointermove", (e) => {
       if (!at) return;
       this.pull((e.clientX - at[0]) / this.scale, -(e.clientY - at[1]) / this.scale);
       at = [e.clientX, e.clientY];
-    });
-    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => { at = null; this.grip(null); });
+    }, until);
+    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => { at = null; this.grip(null); }, until);
     canvas.addEventListener("keydown", (e) => {
       const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
       if (by) this.pull(...by.map((v) => 0.005 * v));
@@ -100,7 +121,7 @@ class LivePage {
       else if (e.key === "r" || e.key === "R") this.start();
       else return;
       e.preventDefault();
-    });
+    }, until);
     byId("pause").onclick = () => this.toggle();
     byId("again").onclick = () => this.start();
     byId("speed").onchange = (e) => { this.speed = Number(e.target.value); };
@@ -124,16 +145,18 @@ class LivePage {
     words.textContent = label;
     words.htmlFor = input.id = told.htmlFor = `slider-${byId("sliders").children.length}`;
     Object.assign(input, { type: "range", min: least, max: most, step: "any", value });
-    const tell = () => { input.ariaValueText = told.textContent = `${Number(input.value).toPrecision(3)} ${unit}`; };
+    const name = label.replace(" (starts again)", ""), tell = () => { input.ariaValueText = told.textContent = `${Number(input.value).toPrecision(3)} ${unit}`; };
+    const acted = () => { this.values.set(name, Number(input.value)); act(Number(input.value)); this.map?.update(); };
+    this.values.set(name, value);
     input.addEventListener("input", tell);
-    input.addEventListener("change", () => act(Number(input.value)));
+    input.addEventListener("change", acted);
     input.addEventListener("keydown", (e) => {
       const by = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[e.key];
       if (!by) return;
       e.preventDefault();
       input.value = Number(input.value) + (by * (most - least)) / 100;
       tell();
-      act(Number(input.value));
+      acted();
     });
     tell();
     box.append(words, told, input);
@@ -142,6 +165,15 @@ class LivePage {
 
   sliders() {
     this.hand = { ...this.scenario.hand };
+    for (const law of this.scenario.laws) {
+      const now = { delay: law.delay, jitter: law.jitter }, most = Math.max(1, 4 * law.delay);
+      for (const [part, words] of [["delay", "delay"], ["jitter", "jitter, to both sides"]])
+        this.slider({ label: `${law.label}: ${words} (starts again)`, unit: "s", value: law[part], least: 0, most }, (value) => {
+          now[part] = value;
+          this.delayed(law, now);
+          this.start();
+        });
+    }
     for (const s of this.scenario.sliders) {
       this.slider(s.at_once ? s : { ...s, label: `${s.label} (starts again)` }, (value) => {
         const acted = s.names.map((name) => this.loop.set(name, value));
@@ -156,9 +188,18 @@ class LivePage {
     }
   }
 
+  /** A delay that varies to both sides, by the scenario's law or a uniform one; without jitter a constant one. */
+  delayed(law, { delay, jitter }) {
+    const put = (names, value) => names.forEach((name) => this.loop.set(name, value));
+    put(law.law, jitter > 0 && law.own === law.constant ? law.uniform : law.own);
+    put(law.mean, delay);
+    put(law.least, Math.max(0, delay - jitter));
+    put(law.most, delay + jitter);
+  }
+
   readings() {
     this.told = {};
-    const names = ["time", "speed of computing", ...(this.arms.length > 1 ? ["tracking, RMS over 10 s"] : []), "growth rate, hand off", "force on the tip", "work on the tip", ...this.scenario.delays.map((d) => `delay of ${d}`)];
+    const names = ["time", "speed of computing", ...(this.arms.length > 1 ? ["tracking, RMS over 10 s"] : []), "growth rate, hand off", "force on the tip", "work on the tip", ...Object.keys(ENERGIES).filter((name) => this.scenario.ports[name]?.length).map((name) => ENERGIES[name][0]), ...this.scenario.delays.map((d) => `delay of ${d}`)];
     for (const name of names) {
       const row = document.createElement("div"), key = document.createElement("dt"), value = document.createElement("dd");
       key.textContent = name;
@@ -180,6 +221,7 @@ class LivePage {
     say("growth rate, hand off", growth(rows.filter((row) => row.time > this.free)));
     say("force on the tip", `${Math.hypot(...loop.felt).toPrecision(3)} N`);
     say("work on the tip", `${(1e3 * this.work).toPrecision(3)} mJ`);
+    for (const [name, [words, sign]] of Object.entries(ENERGIES)) say(words, `${(1e3 * sign * (this.energy[name] ?? 0)).toPrecision(3)} mJ`);
     for (const d of this.scenario.delays) say(`delay of ${d}`, `${(1e3 * loop.signal(`${d}.delay_now`)).toFixed(1)} ms`);
     byId("pause").textContent = this.running ? "Pause" : "Go on";
     const state = loop.ended ? `Ended: ${loop.ended}. Start again.` : "";
@@ -198,6 +240,17 @@ class LivePage {
     byId("plots").append(key);
   }
 
+  /** The stability map, or why there is none. */
+  chart() {
+    const { map, no_map: why, coupling, laws: [law] } = this.scenario, of = (words) => this.values.get(`${coupling}: ${words}`);
+    byId("map-part").hidden = !map && !why;
+    byId("no-map").textContent = why ? `This loop has no map: ${why}.` : "";
+    this.map = !map || !law ? null : new LiveMap(byId("map"), map, {
+      model: coupling, wide: map.across[map.across.length - 1], high: Math.max(1, 4 * law.delay),
+      at: () => ({ stiffness: of("stiffness K"), damping: of("damping B"), delay: this.values.get(`${law.label}: delay`), jitter: this.values.get(`${law.label}: jitter, to both sides`) }),
+    });
+  }
+
   /* --- drawing ----------------------------------------------------------------------------------------------------- */
 
   draw() {
@@ -211,6 +264,7 @@ class LivePage {
     this.tell();
     const rows = this.latest(SEEN), every = Math.max(1, Math.floor(rows.length / 400)), thin = rows.filter((_, k) => k % every === 0);
     const wide = byId("plots").clientWidth;
+    if (this.map && this.map.plot.width !== Math.min(wide, 620)) this.map.plot.setSize({ width: Math.min(wide, 620), height: 260 });
     this.drawn.forEach((plot, k) => {
       if (plot.width !== wide) plot.setSize({ width: wide, height: 130 });
       plot.setData([thin.map((row) => row.time), ...this.arms.map((_, i) => thin.map((row) => 1e3 * row.tips[i][k]))]);
@@ -275,8 +329,27 @@ function save(name, text) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
+async function inflated(text) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0)), stream = new Blob([bytes]).stream();
+  return new Uint8Array(await new Response(stream.pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+}
+
+/** The loop of a choice in place of the one that runs. */
+async function show(number) {
+  const told = choices[number];
+  try {
+    const loop = await Loop.open(await inflated(byId(`module-${number}`).textContent), told);
+    window.livePage?.leave();
+    window.livePage = new LivePage(loop, told);
+    document.documentElement.dataset.ready = String(number);
+  } catch (error) {
+    byId("state").textContent = `This browser cannot run the page: ${error.message}`;
+  }
+}
+
 if (matchMedia("(prefers-color-scheme: dark)").matches) document.documentElement.dataset.theme = "dark";
-const scenario = JSON.parse(byId("scenario").textContent);
-Loop.open(Uint8Array.from(atob(byId("module").textContent), (c) => c.charCodeAt(0)), scenario)
-  .then((loop) => { window.livePage = new LivePage(loop, scenario); document.documentElement.dataset.ready = ""; })
-  .catch((error) => { byId("state").textContent = `This browser cannot run the page: ${error.message}`; });
+const choices = JSON.parse(byId("choices").textContent), menu = byId("choice");
+menu.append(...choices.map(({ label }, k) => new Option(label, k)));
+menu.onchange = () => show(Number(menu.value));
+byId("choose").hidden = choices.length < 2;
+show(0);

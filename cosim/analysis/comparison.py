@@ -121,6 +121,7 @@ def compare(
     limit = None
     if said.abscissa is not None:
         limit = looked.stepped.max_delay(_still(scenario, system, loop)) if loop.unseen else boundary(loop)
-    judged = judged_run(scenario, system, progress, simulate=runner(scenario))
+    asked = scenario if scenario.experiment.disturb else scenario.with_values({"experiment.disturb": True})
+    judged = judged_run(asked, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
     return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus, looked.stepped), loop

@@ -54,7 +54,8 @@ def judged_run(
     record: Sequence[str] | None = None,
     simulate: Callable[..., Result] = run,
 ) -> Judged:
-    """Run a scenario, and its twin unless the first run failed or was interrupted; both on the loaded FMUs.
+    """Run a scenario, and its twin unless the scenario wants none or the first run failed or was interrupted; both on
+    the loaded FMUs.
 
     simulate: who runs them (`cosim.engine.isolation.runner`).
     """
@@ -68,7 +69,8 @@ def judged_run(
         notes=wiring.notes,
         interrupted=result.interrupted,
     )
-    twin = None if result.interrupted or result.outcome is Outcome.FAILED else twin_of(wiring)
+    alone = result.interrupted or result.outcome is Outcome.FAILED or not scenario.experiment.disturb
+    twin = None if alone else twin_of(wiring)
     if twin is None:
         return plain
     return _with_verdict(plain, simulate(twin, system, progress, _rates(result.signals)))

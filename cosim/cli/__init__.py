@@ -11,12 +11,13 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
 
 from cosim.cli.streams import open_streams, stop_when_told
 
 if TYPE_CHECKING:
-    import typer
     from typer.core import TyperCommand
 
 COMMANDS = {
@@ -60,13 +61,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = [*(sys.argv[1:] if arguments is None else arguments)]  # the command `list` hides the type of that name
     debug = "--debug" in words
     words = _repeated([word for word in words if word != "--debug"])
-    if words in (["--version"], ["-V"]):
-        print(_version())
-        sys.exit(0)
+    asked = words or _to_complete()
     try:
-        _app(words[0] if words and words[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
+        _app(asked[0] if asked and asked[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
     except KeyboardInterrupt:  # while modules are still being imported
         _interrupted()
+
+
+def _to_complete() -> list[str]:
+    """The words that a shell wants completed: it names them in the environment."""
+    if "_COSIM_COMPLETE" not in os.environ:
+        return []
+    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
+    return line.split()[1:]
 
 
 def _repeated(words: list[str]) -> list[str]:
@@ -78,18 +85,16 @@ def _repeated(words: list[str]) -> list[str]:
     return result
 
 
-def _app(name: str | None, debug: bool) -> "typer.Typer":
+def _app(name: str | None, debug: bool) -> typer.Typer:
     """The typer app with the one command that was asked for, or with every command's one-line help."""
-    import typer
-
     app = typer.Typer(
-        add_completion=False,
+        add_completion=name is None or "_COSIM_COMPLETE" in os.environ,
         pretty_exceptions_enable=False,
         no_args_is_help=True,
         rich_markup_mode=None,
         help="Co-simulation of haptic teleoperation. Every command: --help, --debug (show tracebacks).",
     )
-    app.callback()(_nothing)
+    app.callback()(_program)
     if name is None:
         for command, help_line in COMMANDS.items():
             app.command(command, help=help_line)(_nothing)
@@ -100,8 +105,6 @@ def _app(name: str | None, debug: bool) -> "typer.Typer":
 
 def parsed_command(name: str) -> "TyperCommand":
     """A command with its arguments and options, as `--help` shows them."""
-    import typer
-
     group: Any = typer.main.get_command(_app(name, debug=True))
     return group.commands[name]
 
@@ -110,7 +113,21 @@ def _nothing() -> None:
     """Stand in for a command whose module is not imported."""
 
 
-def _register(app: "typer.Typer", name: str, debug: bool) -> None:
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        print(_version())
+        raise typer.Exit
+
+
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", "-V", help="Show the version and exit.", is_eager=True, callback=_tell_version)
+    ] = False,
+) -> None:
+    """Stand for the options of the program itself."""
+
+
+def _register(app: typer.Typer, name: str, debug: bool) -> None:
     try:
         module = import_module(f"cosim.cli.{name.replace('-', '_')}")
     except ModuleNotFoundError as error:

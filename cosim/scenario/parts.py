@@ -66,6 +66,8 @@ class Experiment:
     """Given to every component that has a parameter `seed`, a different number to each."""
     bound: float = 1e6
     """A run ends as diverged once an output passes so many times its usual size (nominal value, unit, growth)."""
+    disturb: bool = True
+    """Run again from a slightly different start and judge how small disturbances grow; false: no verdict is given."""
     tolerance: float | None = None
     """Told to every FMU; without it each gets that of its default experiment."""
     logging: FmuLogging = FmuLogging.WARNINGS

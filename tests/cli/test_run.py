@@ -111,3 +111,10 @@ def test_the_time_simulated_is_the_end_not_the_last_row(made, system):
     """12 steps, every fifth recorded: the last row stands at 10 ms."""
     judged = judged_run(made.with_values({"experiment.stop": 0.012, "experiment.record_every": 5}), system)
     assert judged.result.time[-1] == pytest.approx(0.010) and summary(judged)["simulated_time"] == 0.012
+
+
+def test_an_experiment_that_asks_for_no_verdict_gets_none_and_no_alarm():
+    scenario = load_scenario("identification").with_values({"experiment.stop": 0.5})
+    with open_system(scenario) as system:
+        judged = judged_run(scenario, system)
+    assert judged.outcome is Outcome.NOT_JUDGED and judged.growth_rate is None

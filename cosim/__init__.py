@@ -8,6 +8,7 @@ Every main command of the program is a function here; what a command prints and 
 Nothing is imported before it is asked for.
 """
 
+from types import FunctionType
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError, Problem, RunError
@@ -101,6 +102,10 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     found: object = getattr(import_module(_HOME[name]), name)
+    if isinstance(found, FunctionType):
+        from cosim.api.asked import asked
+
+        found = asked(found)
     globals()[name] = found
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
@@ -48,9 +49,10 @@ def compare(
     for name, value in (("--tolerance", tolerance), ("--time-tolerance", time_tolerance)):
         if value is not None and not 0.0 <= value < float("inf"):
             raise InputError(Problem(name, "zero or a positive number", str(value)))
-    if len({_of_a_sweep(item) for item in items}) > 1:
+    kinds = [_kind(item) for item in items]
+    if len({kind in _SWEEPS for kind in kinds}) > 1:
         raise InputError(Problem("compare", "runs, or sweeps", "both", "compare them apart"))
-    opened = [_opened(item, progress or (lambda text: None)) for item in items]
+    opened = [_opened(item, kind, progress or (lambda text: None)) for item, kind in zip(items, kinds)]
     called = _distinct(list(names) if names else [_label(item, found) for item, found in zip(items, opened)])
     if len(called) != len(opened):
         raise InputError(Problem("names", f"{len(opened)}, one an item", str(len(called))))
@@ -67,35 +69,61 @@ def compare(
 # --- what is compared -------------------------------------------------------------------------------------------------
 
 
-def _opened(item: Compared, say: Callable[[str], None]) -> RunResult | SweepTable | StabilityMap | Traces:
+class ComparedKind(Enum):
+    """What an item is, before anything is opened or carried out."""
+
+    RUN = "a run that was carried out"
+    TABLE = "a sweep that was carried out"
+    RUN_FOLDER = "the folder of a run, or its result.h5"
+    SWEEP_FOLDER = "the folder of a sweep, or its sweep.h5"
+    SCENARIO = "a scenario"
+    SWEEP = "a sweep"
+    TRACES = "a table of another tool"
+
+
+_SWEEPS = (ComparedKind.TABLE, ComparedKind.SWEEP_FOLDER, ComparedKind.SWEEP)
+
+
+def _kind(item: Compared) -> ComparedKind:
+    """What an item is; nothing is carried out."""
+    if isinstance(item, (RunResult, SweepTable, Scenario)):
+        kinds = {RunResult: ComparedKind.RUN, SweepTable: ComparedKind.TABLE, Scenario: ComparedKind.SCENARIO}
+        return kinds[type(item)]
+    path = Path(item)
+    if (path / "sweep.h5").is_file() or (path.name == "sweep.h5" and path.is_file()):
+        return ComparedKind.SWEEP_FOLDER
+    if (path.is_dir() and not (path / STRUCTURE).is_file()) or (path.suffix == ".h5" and path.is_file()):
+        return ComparedKind.RUN_FOLDER
+    if _is_sweep(path, str(item)):
+        return ComparedKind.SWEEP
+    if path.suffix in (".toml", ".ssp", ".ssd") or not path.is_file():
+        return ComparedKind.SCENARIO
+    return ComparedKind.TRACES
+
+
+def _opened(
+    item: Compared, kind: ComparedKind, say: Callable[[str], None]
+) -> RunResult | SweepTable | StabilityMap | Traces:
     """An item as a result: opened, read, or carried out now."""
     if isinstance(item, (RunResult, SweepTable)):
         return item
     if isinstance(item, Scenario):
         return run(item)
     path = Path(item)
-    if (path / "sweep.h5").is_file():
-        return read_map(path)
-    if path.is_dir() and not (path / STRUCTURE).is_file():
-        return open_result(path)
-    if path.suffix == ".h5" and path.is_file():
-        return read_map(path.parent) if path.name == "sweep.h5" else open_result(path)
-    if _is_sweep(path, str(item)):
-        say(f"carrying out the sweep {item}")
-        return sweep(item)
-    if path.suffix in (".toml", ".ssp", ".ssd") or not path.is_file():
-        scenario = load(item)
-        say(f"running {scenario.name}")
-        return run(scenario)
-    return read_traces(path)
-
-
-def _of_a_sweep(item: Compared) -> bool:
-    """Whether an item is a sweep or one's result; nothing is carried out."""
-    if isinstance(item, (RunResult, SweepTable, Scenario)):
-        return isinstance(item, SweepTable)
-    path = Path(item)
-    return (path / "sweep.h5").is_file() or path.name == "sweep.h5" or _is_sweep(path, str(item))
+    match kind:
+        case ComparedKind.SWEEP_FOLDER:
+            return read_map(path if path.is_dir() else path.parent)
+        case ComparedKind.RUN_FOLDER:
+            return open_result(path)
+        case ComparedKind.SWEEP:
+            say(f"carrying out the sweep {item}")
+            return sweep(item)
+        case ComparedKind.SCENARIO:
+            scenario = load(item)
+            say(f"running {scenario.name}")
+            return run(scenario)
+        case _:
+            return read_traces(path)
 
 
 def _is_sweep(path: Path, name: str) -> bool:

@@ -72,14 +72,24 @@ class DataSurvey:
         return self.found.to_dict()
 
     def save(self, folder: str | Path) -> Path:
-        """Write data.json, and description.toml where none is there yet; returns the folder."""
+        """Write data.json and report.html, and description.toml where none is there yet; returns the folder."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(self.to_dict(), folder / "data.json", indent=1)
         path = folder / "description.toml"
+        files: dict[str, Callable[[Path], object]] = {
+            "report.html": self._write_page,
+            "data.json": lambda file: write_json(self.to_dict(), file, indent=1),
+        }
         if self.description and not path.exists():
-            write_text(self.description, path)
+            files["description.toml"] = lambda file: write_text(self.description, file)
+        save_files(folder, files)
         return folder
+
+    def _write_page(self, path: Path) -> Path:
+        from cosim.report.data import data_report
+        from cosim.report.html import write_report
+
+        return write_report(data_report(self.found), path)
 
     def __str__(self) -> str:
         """What `cosim data` prints."""

@@ -12,6 +12,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.analysis.twin import judged_run, verdict_signals
+from cosim.api.asked import asked
 from cosim.api.card import card
 from cosim.engine.isolation import runner
 from cosim.engine.master import Result
@@ -94,13 +95,13 @@ def run(
     diverges, or that an FMU ends early, is a result: see `outcome` and `failure`.
     """
     chosen = loaded(scenario)
+    names = None if record is None else list(record)
     with open_system(chosen) as system:
-        wanted = None if record is None else list(record)
-        if wanted is not None:
-            wanted = list(dict.fromkeys([*wanted, *verdict_signals(system.wiring(chosen))]))
+        more = [] if names is None else verdict_signals(system.wiring(chosen))
+        wanted = None if names is None else list(dict.fromkeys([*names, *more]))
         judged = judged_run(chosen, system, progress, wanted, simulate=runner(chosen))
-    if record is not None:
-        judged = evolve(judged, result=judged.result.only(list(record)))
+    if names is not None:
+        judged = evolve(judged, result=judged.result.only(names))
     return RunResult(judged.result, summary(judged), resolved_starts(judged.wiring), judged)
 
 
@@ -164,6 +165,7 @@ class RunResult:
         """Unit of every recorded signal: `result.units["arm_l.x[1]"]` is "m"."""
         return self.raw.units
 
+    @asked
     def __getitem__(self, name: str) -> np.ndarray:
         """A signal: `arm_l.x[1]` as (n,), `arm_l.x` as (n, 3). Raises InputError for a name that was not recorded."""
         if name in self.raw.signals:
@@ -204,6 +206,7 @@ class RunResult:
         """A variable a signal over `time`, vectors along a dimension of their own; units in `attrs`. Needs xarray."""
         return as_dataset(self.raw)
 
+    @asked
     def plot(self, *signals: str) -> MplFigure:
         """Signals over time, `arm_l.x` or `arm_l.x[1]`; without a name the figure of the report: tips of both arms and
         their distance, or else the recorded signals. Raises InputError for names that were not recorded.
@@ -213,6 +216,7 @@ class RunResult:
 
         return drawn(chosen(self.raw, signals))
 
+    @asked
     def save_plot(
         self,
         path: str | Path,
@@ -232,6 +236,7 @@ class RunResult:
 
         return save_figure(chosen(self.raw, list(signals), together), Path(path), width, height)
 
+    @asked
     def save_movie(self, path: str | Path, *, speed: float = 1.0) -> Path:
         """Write the arms in motion as a movie, `speed` times as fast as they were; returns the path.
 
@@ -247,6 +252,7 @@ class RunResult:
             raise InputError(Problem("--movie", wish, "one without", "see `record` of the scenario"))
         return save_movie(play, Path(path), speed)
 
+    @asked
     def save(self, folder: str | Path, *, export: Iterable[str] = (), report: bool = True) -> Path:
         """Write result.h5, report.html and summary.json, the last when all else is there; returns the folder.
 

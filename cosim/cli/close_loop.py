@@ -28,18 +28,18 @@ def command(
 ) -> None:
     """Trace the residual of a recording to a missing effect, add it to the FMU, report the error before and after."""
     import cosim
-    from cosim.cli.folder import made, named
+    from cosim.cli.folder import named, results
 
-    folder = made(out or named(f"{data[0].stem}-closure"))
-    found = cosim.close_loop(
-        data,
-        test,
-        effects=effects,
-        description=description,
-        own_effects=effect_file or (),
-        replay=replay,
-        progress=_tell,
-    )
+    with results(out or named(f"{data[0].stem}-closure")) as folder:
+        found = cosim.close_loop(
+            data,
+            test,
+            effects=effects,
+            description=description,
+            own_effects=effect_file or (),
+            replay=replay,
+            progress=_tell,
+        )
     _tell("writing the results")
     written = found.save(folder, export=[kind.value for kind in export or ()])
     for text in written.warnings:

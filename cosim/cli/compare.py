@@ -21,11 +21,12 @@ def command(
 ) -> None:
     """Results side by side: compare.json, report.html; exit code 1 where a tolerance is given and not met."""
     import cosim
-    from cosim.cli.folder import made, named
+    from cosim.cli.folder import named, results
     from cosim.cli.run import say
 
-    folder = made(out or named("-".join(Path(item).resolve().name if Path(item).exists() else item for item in items)))
-    found = cosim.compare(items, tolerance=tolerance, time_tolerance=time_tolerance, progress=say)
+    name = "-".join(Path(item).resolve().name if Path(item).exists() else item for item in items)
+    with results(out or named(name)) as folder:
+        found = cosim.compare(items, tolerance=tolerance, time_tolerance=time_tolerance, progress=say)
     found.save(folder)
     print(f"{found}\nwritten to {folder}: open report.html in a browser")
     if found.agrees is False:

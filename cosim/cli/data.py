@@ -11,20 +11,20 @@ def command(
     description: Annotated[
         Path | None, typer.Option(help="what the columns are (TOML); default: beside the data, else guessed")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="folder for data.json (default: results/STEM)")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for the results (default: results/STEM)")] = None,
 ) -> None:
-    """Say what recordings hold and what is doubtful; write data.json and a description that identify takes."""
+    """What recordings hold and what is doubtful: data.json, report.html and a description that identify takes."""
     import shlex
     import sys
 
     import cosim
-    from cosim.cli.folder import made, named
+    from cosim.cli.folder import named, results
 
-    folder = made(out or named(files[0].stem))
-    kept = (folder / "description.toml").exists()
-    found = cosim.data(files, description)
+    with results(out or named(files[0].stem)) as folder:
+        kept = (folder / "description.toml").exists()
+        found = cosim.data(files, description)
     found.save(folder)
-    print(f"{found}\nwritten: {folder / 'data.json'}")
+    print(f"{found}\nwritten: {folder / 'data.json'}, {folder / 'report.html'}")
     given = description
     if found.description:
         given = folder / "description.toml"

@@ -37,20 +37,20 @@ def command(
     import sys
 
     import cosim
-    from cosim.cli.folder import made, named
+    from cosim.cli.folder import named, results
 
     print(f"identifying from {len(data) + len(test or [])} file(s)", file=sys.stderr)
-    folder = made(out or named(f"{data[0].stem}-identification"))
-    found = cosim.identify(
-        data,
-        test,
-        description=description,
-        cutoff=cutoff,
-        velocity_cutoff=velocity_cutoff,
-        smooth_sign=smooth_sign,
-        robust=robust,
-        physical=physical,
-    )
+    with results(out or named(f"{data[0].stem}-identification")) as folder:
+        found = cosim.identify(
+            data,
+            test,
+            description=description,
+            cutoff=cutoff,
+            velocity_cutoff=velocity_cutoff,
+            smooth_sign=smooth_sign,
+            robust=robust,
+            physical=physical,
+        )
     found.save(folder, export=[kind.value for kind in export or ()])
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)

@@ -34,6 +34,20 @@ class Survey:
     problems: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
+    @property
+    def left_out(self) -> list[str]:
+        """Columns that look like those that the draft describes and are not in it."""
+        if not self.draft or self.recording is None:
+            return []
+        names = self.recording.description.columns
+        texts = []
+        for role in LISTED:
+            used = names.of_role(role)
+            others = [c.name for c in self.columns if c.role == role and c.name not in used]
+            if used and others:
+                texts.append(f"{', '.join(others[:8])} look like {role} as well; described is {', '.join(used)}")
+        return texts
+
     def to_dict(self) -> dict[str, Any]:
         """The content of data.json."""
         recording = self.recording
@@ -42,7 +56,7 @@ class Survey:
             "columns": [_column(column) for column in self.columns],
             "described_by": self.described_by,
             "runs": [] if recording is None else _runs(recording),
-            "not_described": _left_out(self),
+            "not_described": self.left_out,
             "doubts": [] if recording is None else [doubt.to_dict() for doubt in recording.doubts],
             "warnings": list(self.notes if recording is None else recording.warnings),
             "problems": list(self.problems),
@@ -63,7 +77,7 @@ class Survey:
         ]
         if len(runs) > 12:
             lines.append(f"and {len(runs) - 12} more runs (data.json has all)")
-        lines += [f"not described: {text}" for text in _left_out(self)]
+        lines += [f"not described: {text}" for text in self.left_out]
         doubts = [f"doubt ({doubt.kind}, {doubt.done.value}): {doubt.text}" for doubt in self.recording.doubts]
         return [*lines, *(doubts or ["nothing looks wrong"])]
 
@@ -113,20 +127,6 @@ def _draft(columns: tuple[ColumnGuess, ...], file: Path) -> str:
         chosen["other"] = warm
     units = {role: unit for role, unit in units.items() if unit != "degC"}
     return text(Draft("phantom" if joints == 3 else "axis", chosen, units, reasons, file.name))
-
-
-def _left_out(found: Survey) -> list[str]:
-    """Columns that look like those that the draft describes and are not in it."""
-    if not found.draft or found.recording is None:
-        return []
-    names = found.recording.description.columns
-    texts = []
-    for role in LISTED:
-        used = names.of_role(role)
-        others = [c.name for c in found.columns if c.role == role and c.name not in used]
-        if used and others:
-            texts.append(f"{', '.join(others[:8])} look like {role} as well; described is {', '.join(used)}")
-    return texts
 
 
 def _column(column: ColumnGuess) -> dict[str, Any]:

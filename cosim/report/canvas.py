@@ -20,6 +20,7 @@ from cosim.errors import InputError, Problem
 from cosim.report.motion import ArmTrack, PacketTrack, Playback, Wall
 from cosim.report.packing import extremes
 from cosim.report.plots import COLOURS, Colour, Figure, HeatMap, Mark, Plot, PlotAxis, Series
+from cosim.results.saving import make_writable, reason
 
 TONES = {
     Colour.BLUE: "#0072B2",
@@ -94,10 +95,20 @@ def save_figure(figure: Figure, path: Path, width: float, height: float | None =
     ending = path.suffix.removeprefix(".").lower()
     if ending not in known:
         raise InputError(Problem("--out", f"a file that ends in {', '.join(sorted(known))}", repr(path.name)))
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _ready(path, "--out")
     with matplotlib.rc_context(_STYLE):
         fig.savefig(path, dpi=300, metadata={"Date": None} if ending == "svg" else None)
     return path
+
+
+def _ready(path: Path, name: str) -> None:
+    """Make the folder of a file. Raises InputError where it cannot be written to, or the file is a folder."""
+    try:
+        make_writable(path.parent)
+    except OSError as error:
+        raise InputError(Problem(name, "a file to write", f"{path}: {reason(error)}")) from None
+    if path.is_dir():
+        raise InputError(Problem(name, "a file to write", f"{path}, a folder"))
 
 
 def _positive(name: str, value: float) -> None:
@@ -200,7 +211,7 @@ def save_movie(play: Playback, path: Path, speed: float = 1.0) -> Path:
     """
     _positive("speed", speed)
     writer = _writer(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _ready(path, "--movie")
     style: dict[Any, object] = {**_STYLE, "axes.grid": False, "figure.facecolor": "white"}
     with matplotlib.rc_context(style):
         fig = MplFigure(figsize=PICTURE)

@@ -27,7 +27,7 @@ def overview(found: RunsCompared | MapsCompared) -> Figure:
     """The figure of a comparison in one: the vector that differs most, or the boundaries of all maps."""
     if isinstance(found, MapsCompared):
         return _boundaries(found)
-    worst = max((p.worst for p in found.pairs), key=lambda s: s.share)
+    worst = max((p.worst for p in found.pairs), key=lambda s: (s.moves and s.share > 0.0, s.share))
     return _overlay(found, stem(worst.match.name))
 
 
@@ -109,18 +109,18 @@ def _given(found: RunsCompared) -> Section | None:
 
 def _signals(found: RunsCompared) -> list[Section]:
     """The vectors that differ most, over one another, and their differences."""
-    shares: dict[str, float] = {}
+    shares: dict[str, tuple[bool, float]] = {}
     for p in found.pairs:
         for s in p.signals:
             name = stem(s.match.name)
-            shares[name] = max(shares.get(name, 0.0), s.share)
-    chosen = sorted(shares, key=lambda name: -shares[name])[:_MOST]
-    if not chosen or not shares[chosen[0]]:
+            shares[name] = max(shares.get(name, (False, 0.0)), (s.moves, s.share))
+    chosen = sorted((name for name, (_, share) in shares.items() if share), key=shares.__getitem__, reverse=True)
+    if not chosen:
         return []
-    text = "Those that differ most, over the range of the reference, come first. "
+    text = "Those that differ most, over the range of the reference, come first, those without a range last. "
     if found.tolerance is not None:
         text += "The strip is the height of the tube; a curve may leave it where the tube's width allows that."
-    return [Section("Signals", text, figures=[_overlay(found, name) for name in chosen if shares[name]])]
+    return [Section("Signals", text, figures=[_overlay(found, name) for name in chosen[:_MOST]])]
 
 
 def _overlay(found: RunsCompared, name: str) -> Figure:

@@ -8,6 +8,7 @@ from cosim.identification.document import verdict
 from cosim.identification.identification import Identification, unexcited, without_friction
 from cosim.identification.idim import Idim
 from cosim.report import identify_figures as plots
+from cosim.report.data import doubt_table
 from cosim.report.html import Report, Section, Table
 from cosim.report.plots import Figure
 
@@ -127,8 +128,7 @@ def _data(found: Identification) -> Section:
         for run in recording.runs
     ]
     table = Table(["run", "rows", "step [ms]", "length [s]", "held out"], rows)
-    doubts = [[doubt.kind, doubt.done.value, doubt.count or None, doubt.text] for doubt in found.doubts]
     told = {doubt.text for doubt in found.doubts}
     text = "\n\n".join(warning for warning in found.warnings if warning not in told)
-    tables = [Table(["doubt", "what became of it", "rows", ""], doubts), table] if doubts else [table]
+    tables = [doubt_table(found.doubts), table] if found.doubts else [table]
     return Section("Data, repairs and doubts", text or "Nothing was repaired and nothing looks wrong.", tables)

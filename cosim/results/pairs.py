@@ -40,6 +40,11 @@ class SignalPair:
         """The greatest difference over the scale; infinite for a difference where the reference is zero throughout."""
         return self.found.greatest / self.scale if self.scale else (np.inf if self.found.greatest else 0.0)
 
+    @property
+    def moves(self) -> bool:
+        """Whether the reference changes over time: else it has no range that a difference could be a share of."""
+        return bool((self.match.reference != self.match.reference[0]).any())
+
     def to_dict(self) -> dict[str, Any]:
         """As compare.json has it."""
         found = self.found
@@ -85,8 +90,8 @@ class TracesPair:
 
     @property
     def worst(self) -> SignalPair:
-        """The signal with the greatest difference over its range."""
-        return max(self.signals, key=lambda s: s.share)
+        """The signal with the greatest difference over its range; one that has no range only where none has."""
+        return max(self.signals, key=lambda s: (s.moves and s.share > 0.0, s.share))
 
     @property
     def agrees(self) -> bool:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -56,6 +57,13 @@ def save_files(folder: Path, files: Mapping[str, Callable[[Path], object]], form
         raise OSError(f"not written: {'; '.join(lost)}; free space, or name another folder with --out, and run again")
     if stopped:
         raise KeyboardInterrupt
+
+
+def make_writable(folder: Path) -> None:
+    """Make the folder where it is missing. Raises OSError where no file can be written in it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
 
 
 def reason(error: Exception) -> str:

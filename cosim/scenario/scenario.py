@@ -23,6 +23,8 @@ class Scenario(ScenarioParts):
 
         The paths are those of `--set` and of sweep axes. Raises InputError with every problem found.
         """
+        if not isinstance(values, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(Problem("with_values()", "a mapping from paths to values", repr(values)[:80]))
         problems: list[Problem] = []
         changed = self
         for path, value in values.items():

@@ -127,6 +127,24 @@ def test_bad_input_is_one_clear_error(folders, items, message):
         cosim.compare(paths)
 
 
+def test_what_is_refused_leaves_no_folder_and_what_was_there_stays(folders, capsys, tmp_path):
+    for out in (tmp_path / "new" / "deep", tmp_path / "there"):
+        (tmp_path / "there").mkdir(exist_ok=True)
+        status, _ = told(capsys, "compare", folders / "plain", "nothing-of-that-name", "--out", out)
+        assert status == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def test_the_headline_names_a_signal_that_moves(folders):
+    """A channel's constant delay is an output too; it differs by all of its range, the tips by what is of interest."""
+    scenario = cosim.load("sallam-nodelay").with_values({**BRIEF, "channel_*.delay_mean": 0.1})
+    found = cosim.compare([cosim.load("sallam-nodelay").with_values(BRIEF), scenario])
+    pair = found.found.pairs[0]
+    still = [s for s in pair.signals if not s.moves and s.share > pair.worst.share]
+    assert "channel_lr.delay_now" in [s.match.name for s in still] and pair.worst.moves
+    assert pair.worst.match.name in str(found) and "delay_now" not in str(found).splitlines()[1]
+
+
 # --- sweeps -----------------------------------------------------------------------------------------------------------
 
 

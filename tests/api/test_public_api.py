@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import FunctionType
 
 import numpy as np
 import pytest
@@ -16,6 +17,34 @@ from tests.support.paths import DATA
 
 STAUBLI = DATA / "staubli_tx40" / "staubli_tx40_j6.csv"
 SHORT = {"experiment.stop": 2.0, "channel_*.delay_mean": 0.1}
+
+
+@pytest.mark.parametrize("wrong", [None, 3, b"x", object()], ids=lambda wrong: type(wrong).__name__)
+@pytest.mark.parametrize("name", sorted(n for n in cosim.__all__ if isinstance(getattr(cosim, n), FunctionType)))
+def test_what_no_function_takes_is_one_clear_error(name, wrong, tmp_path):
+    more = (tmp_path,) if name in ("export", "live") else ("Mine",) if name == "new" else ()
+    with pytest.raises(cosim.InputError, match=rf"{name}\(\): \w+: expected .*, got .*\({type(wrong).__name__}\)"):
+        getattr(cosim, name)(wrong, *more)
+
+
+def test_arguments_deeper_inside_are_looked_at_too_and_what_is_as_good_is_taken():
+    scenario = cosim.load("sallam-nodelay").with_values({"experiment.stop": 0.02})
+    wrong = (
+        lambda: cosim.run(scenario, record=[3]),
+        lambda: cosim.compare([scenario, scenario], tolerance="a"),
+        lambda: cosim.sweep("gain-delay", workers="two"),
+        lambda: cosim.stability(scenario, pose=3),
+        lambda: scenario.with_values(None),
+        lambda: cosim.run(scenario)[3],
+        lambda: cosim.run(scenario).save(None),
+    )
+    for call in wrong:
+        with pytest.raises(cosim.InputError, match="expected"):
+            call()
+    assert cosim.compare([scenario, scenario], tolerance=np.float32(0.0)).agrees
+    assert cosim.run(scenario, record=(name for name in ["arm_l.x"])).signals == tuple(
+        f"arm_l.x[{k}]" for k in (1, 2, 3)
+    )
 
 
 def test_a_page_of_python_does_what_the_commands_do(tmp_path):

@@ -17,10 +17,24 @@ from cosim.arm.workspace import LINKED, definiteness
 from cosim.measured import Recording, Run, parse_description
 from cosim.report import arm as arm_sections
 from cosim.report.html import Report, write_report
+from cosim.report.manual import write_manual, written_pages
 from tests.arm.test_urdf import GOOD
-from tests.support.browser import open_page
+from tests.support.browser import SeenPage, open_page
+from tests.support.paths import DATA
 
-KINDS = ["run", "stability", "sweep", "identification", "closure", "workspace", "dissection", "robot"]
+KINDS = [
+    "run",
+    "stability",
+    "sweep",
+    "identification",
+    "closure",
+    "workspace",
+    "dissection",
+    "robot",
+    "data",
+    "compare",
+]
+PENDULUM = DATA / "dfki_pendulum_1dof" / "ddp.csv"
 SWEEP = """
 format = 1
 scenario = "sallam-nodelay"
@@ -83,6 +97,11 @@ def pages(tmp_path_factory, result, axis):
             cosim.identify(axis).save(folder)
         elif kind == "closure":
             cosim.close_loop(axis, replay=False).save(folder)
+        elif kind == "data":
+            cosim.data(PENDULUM).save(folder)
+        elif kind == "compare":
+            stiffer = cosim.load("contact").with_values({"experiment.stop": 3.0, "controller_*.stiffness": 0.4})
+            cosim.compare([result, stiffer], tolerance=0.1, names=["as it is", "stiffer"]).save(folder)
         elif kind == "robot":
             (root / "two.urdf").write_text(GOOD)
             cosim.robot(root / "two.urdf").save(folder)
@@ -272,3 +291,30 @@ def test_a_map_is_printed_on_a_few_pages_as_a_vector_picture(pages, browser):
         printed = page.pdf(format="A4", print_background=True)
     assert len(re.findall(rb"/Type\s*/Page\b", printed)) <= 4
     assert printed.count(b"/Subtype /Image") == 0, "no plot is a picture of points"
+
+
+def test_the_curves_of_a_comparison_are_those_of_the_runs_and_their_difference(pages, browser, result):
+    with open_page(browser, pages("compare")) as page:
+        plots = page.evaluate("View.all.map(v => [v.plot.title, v.plot.series.map(s => s.name)])")
+        assert plots[0][1] == ["as it is", "stiffer"] and plots[1][1] == ["stiffer"]
+        values = page.evaluate("[View.all[0].plot.series, View.all[1].plot.series].flat().map(s => Array.from(s.y))")
+        first, other, apart = map(np.array, values)
+        assert first == pytest.approx(result[plots[0][0]][: len(first)], abs=1e-6 * np.ptp(first))
+        assert apart == pytest.approx(other - first, abs=1e-6 * np.ptp(first)) and np.ptp(apart) > 0
+        tables = page.locator("table").all_inner_texts()
+        assert any("controller_l.stiffness[1]" in text and "0.4" in text for text in tables)
+
+
+def test_a_page_of_the_manual_opens_its_search_finds_and_the_checker_finds_nothing(browser, tmp_path):
+    first = write_manual(written_pages(), tmp_path)
+    said = []
+    page = browser.new_page(viewport={"width": 1200, "height": 900})
+    page.on("console", lambda message: said.append(message.text))
+    page.goto(first.as_uri())
+    page.get_by_label("Search the headings").fill("growth rate")
+    page.locator("#found a").first.click()
+    page.wait_for_url("**/growth-rate.html*")
+    assert page.locator("h1").inner_text() == "What a growth rate is"
+    assert said == []  # axe reads the style sheet again, which the browser refuses for files
+    assert SeenPage(page).violations() == []
+    page.close()

@@ -40,6 +40,8 @@ def test_a_figure_has_the_width_that_a_paper_asks_for(folder, tmp_path, capsys):
         (["arm_l.x", "arm_l.q", "--together"], ["signals of one unit", "arm_l.q [rad]"]),
         (["arm_l.x", "--out", "f.docx"], ["pdf", "f.docx"]),
         (["--movie", "f.avi"], [".gif", "f.avi"]),
+        (["arm_l.x", "--out", "/dev/null/f.pdf"], ["--out", "a file to write", "/dev/null/f.pdf"]),
+        (["--movie", "/dev/null/f.gif"], ["--movie", "a file to write", "/dev/null/f.gif"]),
     ],
 )
 def test_what_cannot_be_drawn_is_one_error(folder, words, told, capsys, monkeypatch, tmp_path):

@@ -25,7 +25,7 @@ def build_fmus(
             help="x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, aarch64-darwin; this machine by default."
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for fmi2/MODEL.fmu and fmi3/MODEL.fmu.")] = Path(),
+    out: Annotated[Path, typer.Option(help="Folder for fmi2/MODEL.fmu and fmi3/MODEL.fmu.")] = Path("results/fmus"),
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
     """Compile and zip FMUs."""

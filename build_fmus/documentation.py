@@ -1,8 +1,13 @@
 """documentation/index.html: the README of the model (its equations) and its variable table."""
 
+from functools import cache
 from html import escape
+from typing import TYPE_CHECKING
 
 from build_fmus.table import ModelTable, ModelVariable
+
+if TYPE_CHECKING:
+    from markdown_it import MarkdownIt
 
 STYLE = (
     "body{font:16px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}"
@@ -53,6 +58,12 @@ def _row(cells: tuple[str, ...], tag: str) -> str:
 
 def markdown(text: str) -> str:
     """A README as HTML."""
+    return parser().render(text)
+
+
+@cache
+def parser() -> "MarkdownIt":
+    """The parser of every page: CommonMark with tables, without HTML."""
     from markdown_it import MarkdownIt
 
-    return MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    return MarkdownIt("commonmark", {"html": False}).enable("table")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from build_fmus.build import check_platforms, fmu_path
 from build_fmus.cache import store
-from build_fmus.python_class import version_of
+from build_fmus.python_class import exporter_of, version_of
 from build_fmus.running import RUNNING
 from build_fmus.sources import is_path, models
 
@@ -51,6 +51,15 @@ def built(
 
 
 def located(name: str) -> str:
-    """`MyController` as a path, where none of our models is called so and a folder is."""
-    here = not is_path(name) and name not in models() and (Path(name) / "model.toml").is_file()
-    return f"./{name}" if here else name
+    """`MyController` as a path, where none of our models is called so and a folder is; of a folder that holds a class
+    for pythonfmu and no model.toml, the Python file.
+    """
+    path = Path(name)
+    if not is_path(name):
+        if name in models() or not path.is_dir():
+            return name
+        name = f"./{name}"
+    if (path / "model.toml").is_file() or not path.is_dir():
+        return name
+    classes = [file for file in sorted(path.glob("*.py")) if exporter_of(file.read_text(encoding="utf-8"))]
+    return f"{name.rstrip('/')}/{classes[0].name}" if len(classes) == 1 else name

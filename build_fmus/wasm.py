@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from build_fmus.build import BuildJob, source_files, token_of
+from build_fmus.build import BuildJob
 from build_fmus.cache import cache_folder, key_of, store
 from build_fmus.compiler import WASM, Compiler, call, find_compiler
 from build_fmus.errors import BuildError
@@ -13,21 +13,16 @@ from build_fmus.sources import home_of, is_path, model_table, source_root
 EXPORTS = ("-mexec-model=reactor", "-Wl,--export-memory", "-Wl,-z,stack-size=262144", "-Wl,--strip-all")
 
 
-def token(job: BuildJob) -> str:
-    """Instantiation token of the FMI 3 FMU of a job."""
-    return token_of(source_files(job))
-
-
-def wasm_module(jobs: Mapping[str, BuildJob], scenario: str) -> bytes:
+def wasm_module(models: Mapping[str, Mapping[str, bytes]], scenario: str) -> bytes:
     """The module of fmu_src/live/live.c with models in it, from the cache or compiled now.
 
-    jobs: {prefix of the names of its FMI functions: how a model is built, see `model_job`}; scenario: text of
-    the header scenario.h, what is wired and scheduled. Raises BuildError.
+    models: {prefix of the names of its FMI functions: sources of a model for FMI 3, see `source_files`}; scenario: text
+    of the header scenario.h, what is wired and scheduled. Raises BuildError.
     """
     compiler, folder = find_compiler(), cache_folder()
     if not compiler.cross:
         raise BuildError("CC compiles for this machine only, not to WebAssembly; unset CC to compile with zig")
-    objects = [_model_object(prefix, job, compiler, folder) for prefix, job in jobs.items()]
+    objects = [_model_object(prefix, files, compiler, folder) for prefix, files in models.items()]
     root = source_root()
     sources = [path for name in ("live", "executor", "shared") for path in sorted((root / name).glob("*.[ch]"))]
     parts = [path.read_bytes() for path in sources]
@@ -49,9 +44,8 @@ def model_job(model: str) -> BuildJob:
     return BuildJob(model_table(model), 3, (), own=home_of(model) if is_path(model) else None)
 
 
-def _model_object(prefix: str, job: BuildJob, compiler: Compiler, folder: Path) -> Path:
+def _model_object(prefix: str, sources: Mapping[str, bytes], compiler: Compiler, folder: Path) -> Path:
     """The compiled FMI 3 functions of a model, their names with a prefix."""
-    sources = source_files(job)
     flags: Sequence[str] = (*WASM, f"-DFMI3_FUNCTION_PREFIX={prefix}", "-I.", "-c", "fmi3.c")
     key = key_of(compiler.identity, *flags, *(x for name in sorted(sources) for x in (name, sources[name])))[:24]
     kept = folder / "wasm" / key / "model.o"

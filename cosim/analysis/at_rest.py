@@ -7,7 +7,7 @@ answer to a tiny one. Friction, limits and contact that comes and goes do not.
 
 import numpy as np
 
-from cosim.analysis.linear_fmu import is_channel
+from cosim.analysis.linear_fmu import is_channel, steady_channel
 from cosim.analysis.verdict import perturbation
 from cosim.engine.master import System, run
 from cosim.errors import RunError
@@ -29,8 +29,7 @@ def at_rest(wiring: Wiring) -> Scenario:
     for name, description in wiring.descriptions.items():
         excites = wiring.scenario.components[name].model is not None and not description.elements("q_start")
         if is_channel(description):
-            values |= {f"{name}.{k}": v for k, v in (("law", "constant"), ("delay_mean", 0.0))}
-            values |= {f"{name}.loss_good": 0.0, f"{name}.loss_bad": 0.0}
+            values |= steady_channel(name, 0.0)
         for element in description.elements("dq_start"):
             values[f"{name}.{element}"] = 0.0
         for variable in description.variables.values() if excites else ():

@@ -12,7 +12,7 @@ from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.evidence import GROWS, UNSTABLE, StabilityEvidence, strongest
 from cosim.analysis.examination import examine
 from cosim.analysis.falsification import Falsification
-from cosim.analysis.linear_fmu import LinearFmu
+from cosim.analysis.linear_fmu import LinearFmu, steady_channel
 from cosim.analysis.linearisation import LinearLoop, linear_loop
 from cosim.analysis.margin import Margins, margins
 from cosim.analysis.passivity import PortPassivity
@@ -55,13 +55,10 @@ def _still(scenario: Scenario, system: FmuSet, loop: LinearLoop) -> Wiring:
     """The wiring with constant channels, at their mean delays."""
     if loop.constant:
         return system.wiring(scenario)
-    changes = {f"{n}.{key}": value for n, bounds in loop.channels.items() for key, value in _steady(bounds[1])}
+    changes: dict[str, object] = {}
+    for name, bounds in loop.channels.items():
+        changes |= steady_channel(name, bounds[1])
     return system.wiring(scenario.with_values(changes))
-
-
-def _steady(delay: float) -> list[tuple[str, object]]:
-    """Values of a channel that shows what was sent so long ago, always."""
-    return [("law", "constant"), ("delay_mean", delay), ("loss_good", 0.0), ("loss_bad", 0.0)]
 
 
 @frozen

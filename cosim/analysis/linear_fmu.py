@@ -139,6 +139,12 @@ def _channel(wiring: Wiring, name: str) -> LinearFmu:
     return _static(inputs, outputs, through, DELAY)
 
 
+def steady_channel(name: str, delay: float) -> dict[str, object]:
+    """Values of a channel that shows what was sent so long ago [s], always: paths as of `Scenario.with_values`."""
+    values = {"law": "constant", "delay_mean": delay, "loss_good": 0.0, "loss_bad": 0.0}
+    return {f"{name}.{variable}": value for variable, value in values.items()}
+
+
 def _bounds(wiring: Wiring, name: str) -> tuple[float, float, float, bool]:
     """Least, mean and greatest delay [s] of a channel, and whether it is constant."""
 

@@ -15,7 +15,7 @@ from cosim.analysis.assessment import boundary, theory
 from cosim.analysis.coupling import coupled
 from cosim.analysis.delay_verdict import AnyDelay, any_delay
 from cosim.analysis.examination import examine
-from cosim.analysis.linear_fmu import channel_bounds
+from cosim.analysis.linear_fmu import channel_bounds, steady_channel
 from cosim.analysis.linearisation import linear_loop
 from cosim.analysis.twin import judged_run
 from cosim.engine.isolation import called, runner
@@ -175,8 +175,7 @@ def _delayed(scenario: Scenario, system: FmuSet, delay: float) -> Scenario:
     """The scenario with a constant delay in all channels, and no loss."""
     values: dict[str, object] = {}
     for name in channel_bounds(system.wiring(scenario)):
-        values |= {f"{name}.law": "constant", f"{name}.delay_mean": delay, f"{name}.loss_to_bad": 0.0}
-        values |= {f"{name}.loss_good": 0.0}
+        values |= steady_channel(name, delay)
     return scenario.with_values(values)
 
 

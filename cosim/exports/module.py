@@ -74,7 +74,7 @@ def module_of(wiring: Wiring, held: str, free: Iterable[str] = ()) -> Module:
     tables = _Tables(wiring, held, frozenset(free))
     try:
         text = tables.text()
-        return Module(wasm_module(tables.jobs, text), tuple(wiring.signals), tables.starts)
+        return Module(wasm_module(tables.sources, text), tuple(wiring.signals), tables.starts)
     except BuildError as error:
         raise RunError("WebAssembly", None, str(error)) from error
 
@@ -108,28 +108,33 @@ def _refused(component: Component) -> str:
     return f"the model in Python {component.model}" if (component.model or "").endswith(".py") else ""
 
 
-def _job(component: Component, scenario: Scenario) -> tuple[str, "BuildJob"]:
-    """What a component is built of, by a name that only components of the same content share, and how."""
-    from build_fmus.wasm import model_job, token
+def _job(component: Component, scenario: Scenario) -> tuple["BuildJob", dict[str, bytes]]:
+    """How the FMI 3 FMU of a component is built, and its sources."""
+    from build_fmus.build import source_files
+    from build_fmus.wasm import model_job
 
     if component.recording is not None:
         job = evolve(recording_job(component, scenario), fmi=3)
-        return token(job), job
-    model = str(component.model_path(scenario.folder)) if component.own else str(component.model)
-    return model, model_job(model)
+    else:
+        job = model_job(str(component.model_path(scenario.folder)) if component.own else str(component.model))
+    return job, source_files(job)
 
 
 class _Tables:
     """The header scenario.h of a wiring (see fmu_src/live/live.c)."""
 
     def __init__(self, wiring: Wiring, held: str, free: frozenset[str]) -> None:
+        from build_fmus.build import token_of
+
         self.wiring, self.held, self.free = wiring, held, free
         self.names = list(wiring.scenario.components)
-        jobs = {name: _job(component, wiring.scenario) for name, component in wiring.scenario.components.items()}
-        apart = list(dict.fromkeys(name for name, _ in jobs.values()))
-        self.prefix = {name: f"m{apart.index(kind)}_" for name, (kind, _) in jobs.items()}
-        self.jobs = {self.prefix[name]: job for name, (_, job) in jobs.items()}
-        self.tables = {name: job.table for name, (_, job) in jobs.items()}
+        built = {name: _job(component, wiring.scenario) for name, component in wiring.scenario.components.items()}
+        tokens = {name: token_of(files) for name, (_, files) in built.items()}
+        apart = list(dict.fromkeys(tokens.values()))
+        self.prefix = {name: f"m{apart.index(token)}_" for name, token in tokens.items()}
+        self.tokens = {self.prefix[name]: token for name, token in tokens.items()}
+        self.sources = {self.prefix[name]: files for name, (_, files) in built.items()}
+        self.tables = {name: job.table for name, (job, _) in built.items()}
         self.references = {name: {s.name: s.reference for s in table.scalars} for name, table in self.tables.items()}
         self.starts: dict[str, StartPlace] = {}
         self.whole: list[str] = []
@@ -138,7 +143,7 @@ class _Tables:
     def text(self) -> str:
         """The header."""
         self.lines = ["/* Generated: components, start values and schedule of one scenario. */"]
-        self.lines += [_HEAD.format(p=p) for p in self.jobs]
+        self.lines += [_HEAD.format(p=p) for p in self.sources]
         self._add("static _Bool event, terminate, early;\nstatic double reached;")
         banks = [self._banks(k, name) for k, name in enumerate(self.names)]
         values = [p.value for p in self.starts.values()]
@@ -218,12 +223,10 @@ class _Tables:
     # --- instances and schedule ---------------------------------------------------------------------------------------
 
     def _instances(self) -> None:
-        from build_fmus.wasm import token
-
-        rows, made, tokens = [], [], {p: token(job) for p, job in self.jobs.items()}
+        rows, made = [], []
         for number, name in enumerate(self.names):
             p = self.prefix[name]
-            made.append(f'{{"{name}", "{tokens[p]}", {p}fmi3InstantiateCoSimulation}}')
+            made.append(f'{{"{name}", "{self.tokens[p]}", {p}fmi3InstantiateCoSimulation}}')
             rows.append(self._instance(number, name))
         self._add(f"#define N_INSTANCES {len(self.names)}")
         self._add(f"static const Made made[] = {{{_lines(made)}}};")

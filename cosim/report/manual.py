@@ -3,18 +3,17 @@
 import json
 import re
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from posixpath import normpath
 from typing import TYPE_CHECKING
 
 from attrs import frozen
 
+from build_fmus.documentation import parser
 from cosim.report.html import filled, web
 from cosim.results.saving import write_text
 
 if TYPE_CHECKING:
-    from markdown_it import MarkdownIt
     from markdown_it.token import Token
 
 ROOT = Path(__file__).parents[2]
@@ -63,7 +62,7 @@ class ManualPage:
     @property
     def headings(self) -> list[tuple[str, str]]:
         """Every heading with its anchor."""
-        tokens = _parser().parse(self.text)
+        tokens = parser().parse(self.text)
         return [
             (_plain(t), anchor(_plain(t))) for k, t in enumerate(tokens) if k and tokens[k - 1].type == "heading_open"
         ]
@@ -97,13 +96,13 @@ def page_html(page: ManualPage, pages: Sequence[ManualPage]) -> str:
 
 def body_html(page: ManualPage, pages: Sequence[ManualPage]) -> str:
     """The page's text as HTML; links to other pages go to their HTML, links to files that are no page become text."""
-    tokens = _parser().parse(page.text)
+    tokens = parser().parse(page.text)
     for k, token in enumerate(tokens):
         if token.type == "heading_open":
             token.attrSet("id", anchor(_plain(tokens[k + 1])))
         if token.type == "inline" and token.children:
             token.children = _linked(token.children, page, pages)
-    html = _parser().renderer.render(tokens, _parser().options, {})
+    html = parser().renderer.render(tokens, parser().options, {})
     return re.sub(r"(<table>.*?</table>)", r'<div class="scroll" tabindex="0">\1</div>', html, flags=re.DOTALL)
 
 
@@ -136,13 +135,6 @@ def target_of(href: str, page: ManualPage, pages: Sequence[ManualPage]) -> str |
 
 def _plain(token: "Token") -> str:
     return "".join(child.content for child in token.children or () if child.type in ("text", "code_inline"))
-
-
-@cache
-def _parser() -> "MarkdownIt":
-    from markdown_it import MarkdownIt
-
-    return MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
 def written_pages() -> tuple[ManualPage, ...]:

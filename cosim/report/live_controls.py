@@ -26,8 +26,9 @@ class Slider:
 
 
 @frozen
-class DelayLaw:
-    """Delay and jitter of the channels of a model: delay +- jitter [s] by a law that varies, or the delay alone.
+class DelaySliders:
+    """Delay and jitter of the channels of a model, a slider each: delay +- jitter [s] by a law that varies, or the
+    delay alone.
 
     law, mean, least, most: names of start values; own, constant, uniform: items of the enumeration `law`: the
     scenario's, the one without jitter, and the one that a constant delay with jitter gets.
@@ -110,7 +111,7 @@ def slider(wiring: Wiring, key: tuple[str, str], names: Iterable[str], starts: M
     )
 
 
-def delay_laws(wiring: Wiring) -> list[DelayLaw]:
+def delay_laws(wiring: Wiring) -> list[DelaySliders]:
     """The channels of each model whose delay follows a law of its own, not a recording."""
     groups: dict[str, list[str]] = {}
     for name, component in wiring.scenario.components.items():
@@ -121,13 +122,13 @@ def delay_laws(wiring: Wiring) -> list[DelayLaw]:
     return [_law(wiring, model, names) for model, names in groups.items()]
 
 
-def _law(wiring: Wiring, model: str, channels: list[str]) -> DelayLaw:
+def _law(wiring: Wiring, model: str, channels: list[str]) -> DelaySliders:
     first, law = channels[0], wiring.descriptions[channels[0]].variables["law"]
     numbers = dict(zip(law.items, law.item_values))
     own = wiring.start(first, "law")
     mean, least, most = (float(wiring.start(first, _LAW[key])) for key in ("mean", "least", "most"))
     constant = law.item(own) == "constant"
-    return DelayLaw(
+    return DelaySliders(
         model,
         **{key: tuple(f"{name}.{variable}" for name in channels) for key, variable in _LAW.items()},
         own=float(own),

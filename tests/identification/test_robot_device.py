@@ -1,5 +1,7 @@
 """Device "robot": all joints of an arm fitted together, against a rig whose equations are pinocchio's."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,8 @@ from cosim.arm.serial_dynamics import mass_matrix
 from cosim.errors import InputError
 from cosim.identification.identification import identify
 from cosim.identification.method import adjusted, suggested
+from tests.identification.tx40 import PUBLISHED, entered
+from tests.support.paths import SHARED
 from tests.support.robot_rig import COULOMB, OFFSET, VISCOUS, RobotRig, described
 
 LABELS = 48 + 3 * 7
@@ -72,6 +76,22 @@ def test_what_identify_tells(rig, tmp_path):
 def identified(file, physical: bool):
     recording = cosim.read(file)
     return identify(recording, adjusted(suggested(recording), None, None, None, False, physical))
+
+
+@pytest.mark.needs("data")
+def test_a_real_arm_entered_whole(tmp_path):
+    """TX40, all six joints: viscous friction of the joints before the wrist and the rotors that show by themselves are
+    the published ones, of another program on this recording.
+    """
+    source = SHARED / "staubli_tx40"
+    told = cosim.identify(entered(source, tmp_path)).to_dict()
+    published = json.loads((source / "dataset.json").read_text(encoding="utf-8"))["published"]
+    interval = {p["name"]: p["interval"] for p in told["parameters"]}
+    for ours, joints in (("viscous", (1, 2, 3, 4)), ("rotor", (3, 4, 5, 6))):
+        for j in joints:
+            low, high = interval[f"{ours}[{j}]"]
+            assert low < published[PUBLISHED[ours]][j - 1] < high, (ours, j)
+    assert max(told["rms_percent"]["held_out"][:4]) < 10 < min(told["rms_percent"]["held_out"][4:])
 
 
 @pytest.mark.slow

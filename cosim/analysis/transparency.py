@@ -27,6 +27,7 @@ from cosim.engine.master import System
 from cosim.errors import InputError, Problem
 from cosim.scenario import Scenario
 from cosim.signals import stem
+from cosim.wiring import Wiring
 
 AXES = (1, 2, 3)
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 31))
@@ -42,6 +43,14 @@ class Hybrid:
     h12: np.ndarray
     h21: np.ndarray
     h22: np.ndarray
+
+    @classmethod
+    def of(cls, frequencies: Sequence[float], y: np.ndarray) -> "Hybrid":
+        """The matrix of admittances y (n, 6, 6): velocities of both tips by forces on them [m/(N s)]."""
+        y11, y12, y21, y22 = y[:, :3, :3], y[:, :3, 3:], y[:, 3:, :3], y[:, 3:, 3:]
+        h11 = np.linalg.inv(y11)
+        across = y21 @ h11
+        return cls(np.array(frequencies, dtype=float), h11, h11 @ y12, -across, y22 - across @ y12)
 
     def felt(self, environment: np.ndarray) -> np.ndarray:
         """Impedance (n, 3, 3) [N s/m] that the hand feels of an environment Z_e (n, 3, 3) or (3, 3) [N s/m]."""
@@ -73,11 +82,7 @@ def hybrid(found: Examined, frequencies: Sequence[float] = FREQUENCIES) -> Hybri
     """See `transparency`."""
     ports = _ports(found)
     parts = [_admittance(found, ports, 2j * np.pi * f) for f in frequencies]
-    y = np.array(parts)
-    y11, y12, y21, y22 = y[:, :3, :3], y[:, :3, 3:], y[:, 3:, :3], y[:, 3:, 3:]
-    h11 = np.linalg.inv(y11)
-    across = y21 @ h11
-    return Hybrid(np.array(frequencies, dtype=float), h11, h11 @ y12, -across, y22 - across @ y12)
+    return Hybrid.of(frequencies, np.array(parts))
 
 
 def _ports(found: Examined) -> list[tuple[str, str, str]]:
@@ -104,13 +109,17 @@ def _ports(found: Examined) -> list[tuple[str, str, str]]:
 
 
 def _admittance(found: Examined, ports: Sequence[tuple[str, str, str]], s: complex) -> np.ndarray:
-    """Velocities (6,) of both tips by forces (6,) on them, the links into the ports' `f` cut, at s = jw."""
+    """Velocities (6,) of both tips by forces (6,) on them, the links into the ports' `f` cut, at s = jw.
+
+    Where the force of hand or environment is measured (a controller's `f_ext`), it is the one on the tip.
+    """
     wiring, fmus = found.wiring, found.fmus
     signals = {name: k for k, name in enumerate(f"{n}.{output}" for n, fmu in fmus.items() for output in fmu.outputs)}
     cut = {f"{arm}.f" for arm, _, _ in ports}
     ages = {str(hop.connection): hop.age for hop in wiring.hops}
     links = {str(link.target): link for link in wiring.links if stem(str(link.target)) not in cut}
     driven = {f"{arm}.{force}[{k}]": 3 * side + k - 1 for side, (arm, force, _) in enumerate(ports) for k in AXES}
+    measured = _measured(wiring, ports)
     delays: Mapping[str, float] = {name: bounds[1] for name, bounds in channel_bounds(wiring).items()}
     loop = np.zeros((len(signals), len(signals)), dtype=complex)
     outside = np.zeros((len(signals), 6), dtype=complex)
@@ -122,9 +131,23 @@ def _admittance(found: Examined, ports: Sequence[tuple[str, str, str]], s: compl
                 outside[rows, driven[target]] += gain
             if (link := links.get(target)) is not None:
                 aged = link.gain * np.exp(-s * age_of(link, wiring, ages))
-                loop[rows, signals[str(link.source)]] += aged * gain
+                place = measured.get(str(link.source))
+                if place is None:
+                    loop[rows, signals[str(link.source)]] += aged * gain
+                else:
+                    outside[rows, place] += aged * gain
     moved = np.linalg.solve(np.eye(len(signals)) - loop, outside)
     return moved[[signals[f"{arm}.{velocity}[{k}]"] for arm, _, velocity in ports for k in AXES]]
+
+
+def _measured(wiring: Wiring, ports: Sequence[tuple[str, str, str]]) -> dict[str, int]:
+    """{signal: column of the force} of the signals that are the force on a tip: of a hand, of the wall of an arm."""
+    found = {f"{arm}.f_contact[{k}]": 3 * side + k - 1 for side, (arm, _, _) in enumerate(ports) for k in AXES}
+    for link in wiring.links:
+        for side, (arm, _, _) in enumerate(ports):
+            if link.target.component == arm and stem(link.target.variable) == "f":
+                found[str(link.source)] = 3 * side + int(link.target.variable[2:-1]) - 1
+    return found
 
 
 def _response(fmu: LinearFmu, s: complex) -> np.ndarray:

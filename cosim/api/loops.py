@@ -13,18 +13,21 @@ from cosim.analysis.comparison import Comparison, compare
 from cosim.analysis.document import document
 from cosim.analysis.falsification import Harm
 from cosim.analysis.linearisation import LinearLoop, at_pose
+from cosim.analysis.probed import probed
 from cosim.analysis.transparency import FREQUENCIES, Hybrid
 from cosim.analysis.transparency import transparency as hybrid_matrix
 from cosim.api.card import card
 from cosim.api.runs import loaded
 from cosim.api.two_sided import TWO_SIDED, two_sided_files
 from cosim.engine.isolation import runner
+from cosim.engine.master import Result
 from cosim.engine.master import run as run_here
 from cosim.engine.reference import RunProgress
 from cosim.errors import InputError, Problem, RunError
 from cosim.fmu import FmuSet, open_system
 from cosim.results.saving import save_files, write_json, write_text
 from cosim.scenario import Scenario, to_toml
+from cosim.signals import stem
 
 if TYPE_CHECKING:
     from cosim.report.canvas import MplFigure
@@ -80,15 +83,30 @@ def _kind(harm: str) -> Harm:
     return Harm(harm)
 
 
-def transparency(scenario: Scenario | str | Path, frequencies: Sequence[float] = FREQUENCIES) -> Hybrid:
-    """What the hand feels through a teleoperator, from its linear loop: hybrid matrix, Z-width, transmitted impedance.
+def transparency(
+    scenario: Scenario | str | Path, frequencies: Sequence[float] = FREQUENCIES, *, force: float | None = None
+) -> Hybrid:
+    """What the hand feels through a teleoperator: hybrid matrix, Z-width, transmitted impedance.
 
-    frequencies: [Hz]. Raises InputError for a scenario without two arms that forces move, or whose FMUs keep more than
-    their linear equations tell.
+    frequencies: [Hz]. From its linear loop; with a `force` [N] by runs of its FMUs, a sine of that force on each tip
+    and axis at each frequency: what friction, limits and switching controllers let through at that force. Raises
+    InputError for a scenario without two arms that forces move, for FMUs that keep more than their linear equations
+    tell (linear loop), for a motion that does not settle (runs).
     """
     chosen = loaded(scenario)
+    if force is not None:
+        if not 0.0 < force < float("inf"):
+            raise InputError(Problem("transparency(): force", "a number above zero [N]", str(force)))
+        return probed(chosen, _simulated, frequencies, force)
     with open_system(chosen) as system:
         return hybrid_matrix(chosen, system, frequencies)
+
+
+def _simulated(scenario: Scenario) -> Result:
+    """A run alone, without a verdict."""
+    with open_system(scenario) as system:
+        names = [name for name in system.wiring(scenario).signals if stem(name).endswith(".dx")]
+        return runner(scenario)(scenario, system, None, names)
 
 
 @final

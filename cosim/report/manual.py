@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from posixpath import normpath
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from markdown_it.token import Token
 
 ROOT = Path(__file__).parents[2]
+PICTURES = "cosim/manual/pictures"
 GROUPS = ("Start", "How to", "Reference", "Explanation", "In depth", "Models")
 CONTENTS = (
     ("Start", "index", "cosim/manual/index.md"),
@@ -80,6 +82,9 @@ def write_manual(pages: Sequence[ManualPage], folder: Path) -> Path:
     write_text(f"const HEADINGS = {json.dumps(found, ensure_ascii=False)};\n", folder / "headings.js")
     write_text(web(("page.css", "manual.css")), folder / "manual.css")
     write_text(web(("manual.js",)), folder / "manual.js")
+    for picture in (ROOT / PICTURES).glob("*.png"):
+        (folder / "pictures").mkdir(exist_ok=True)
+        shutil.copyfile(picture, folder / "pictures" / picture.name)
     for page in pages:
         write_text(page.text, folder / f"{page.slug}.md")
         write_text(page_html(page, pages), folder / f"{page.slug}.html")

@@ -41,6 +41,24 @@ class PortRecord:
         """Energy [J] that has gone into the arm until each time (n,): the integral of f v."""
         return _integral(np.einsum("ij,ij->i", self.force, self.velocity), time)
 
+    def impedance(self, time: np.ndarray) -> tuple[float, float, float] | None:
+        """Stiffness [N/m] and damping [N s/m] nearest to the force over the motion, along the direction in which the
+        force varies most, and the part of its squares that they explain; None where the motion does not tell the two
+        apart, or the force stands still.
+        """
+        moved = np.column_stack([_integral(v, time) for v in self.velocity.T])
+        x, v, f = (values - values.mean(axis=0) for values in (moved, self.velocity, self.force))
+        if not np.isfinite(f).all() or not f.any():
+            return None
+        along = np.linalg.svd(f.T @ f)[2][0]
+        force, basis = f @ along, np.column_stack([x @ along, v @ along])
+        scale = np.linalg.norm(basis, axis=0)
+        if not scale.all():
+            return None
+        found, _, rank, _ = np.linalg.lstsq(basis / scale, force, rcond=1e-6)
+        left = force - basis / scale @ found
+        return None if rank < 2 else (*(found / scale).tolist(), 1.0 - float(left @ left / (force @ force)))
+
 
 def _integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])
@@ -140,8 +158,11 @@ def measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
     the environment does (Lawrence, Stability and transparency in bilateral teleoperation, IEEE Trans. Robotics and
     Automation 9, 1993). hand_effort: RMS of |f_h|. hand_work: the integral of the positive part of f_h v_l, what the
     hand had to give. energy_*: see `energies`, at the end; coupling_least: the least energy of the coupling, negative
-    where it has given more than it was given. packets: sent a second by all channels (Hinterseer et al., IEEE Trans.
-    Signal Processing 56, 2008).
+    where it has given more than it was given. felt_*: the spring and damper that are nearest to what the hand felt,
+    f_h = stiffness x_l + damping v_l by least squares over the run along the direction in which f_h varies most, x_l
+    the integral of v_l and every signal less its mean; explained: the part of the squares that they account for.
+    met_*: the same of the environment, -f_e over x_r and v_r: a transparent teleoperator has felt what was met.
+    packets: sent a second by all channels (Hinterseer et al., IEEE Trans. Signal Processing 56, 2008).
     """
     if result.scenario.arms is None or len(result.time) < 2:
         return {}
@@ -162,6 +183,12 @@ def _measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
     if hand is not None and wall is not None:
         apart = _rms(hand.force + wall.force)
         found["force_tracking"] = Measure(apart, "N", "RMS of |f_h + f_e|, forces of hand and environment")
+    for name, side in (("felt", hand), ("met", wall and PortRecord(-wall.force, wall.velocity))):
+        if side is not None and (impedance := side.impedance(result.time)) is not None:
+            words = "that the hand felt" if name == "felt" else "that the environment was"
+            found[f"{name}_stiffness"] = Measure(impedance[0], "N/m", f"the spring {words}")
+            found[f"{name}_damping"] = Measure(impedance[1], "N s/m", f"the damper {words}")
+            found[f"{name}_explained"] = Measure(impedance[2], "1", "part of the force that spring and damper explain")
     for name, energy in _energies(ports, result.time).items():
         found[f"energy_{name}"] = Measure(float(energy[-1]), "J", _ENERGY[name])
         if name == "coupling":

@@ -16,6 +16,7 @@ from cosim.measured.mounted import MOTOR, NAMES
 from cosim.report.manual import CONTENTS, anchor, target_of, write_manual, written_pages
 from cosim.scenario.parts import Component, Experiment, Teleoperation
 from cosim.sweeps import spec
+from tests.benchmarks.gallery import MANUAL, entries
 from tests.support.paths import ROOT
 
 PAGES = (*written_pages(), *reference_pages())
@@ -104,6 +105,16 @@ def test_every_link_of_the_html_leads_to_a_file_of_the_folder(site):
     inside = {link.partition("#")[0] for link in found if not link.startswith(("http", "#"))}
     assert len(inside) > 30
     assert not {name for name in inside if not (site / name).is_file()}
+
+
+def test_the_gallery_shows_ten_pictures_that_stand_in_the_folder(site):
+    found = entries()
+    assert len(found) == 10 == (MANUAL / "gallery.md").read_text(encoding="utf-8").count("\n## ")
+    text = (site / "gallery.html").read_text(encoding="utf-8")
+    for entry in found:
+        picture = site / "pictures" / f"{entry['name']}.png"
+        assert f'src="pictures/{entry["name"]}.png" alt="{entry["told"]}"' in text
+        assert picture.read_bytes().startswith(b"\x89PNG") and 5e3 < picture.stat().st_size < 2e5
 
 
 def test_headings_can_be_searched(site):

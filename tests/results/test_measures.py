@@ -128,21 +128,63 @@ def test_what_is_felt_lies_between_free_and_held():
     assert told["frequency"] == [0.5, 2.0] and np.array(told["z_held"]).shape == (2, 3)
 
 
-def test_a_run_feels_what_the_linear_loop_says():
-    """A small force at 1 Hz on the free teleoperator: its velocity by Fourier over the last two seconds."""
+def test_the_spring_and_damper_that_a_run_felt_are_those_of_the_linear_loop():
+    """f = (b + k / jw) v at one frequency: b and k from H11; the start of the run, which is in it too, takes a part."""
     frequency = 1.0
-    values = LOOP | {"operator.amplitude": [0.02, 0.0, 0.0], "operator.frequency": frequency, "experiment.stop": 6.0}
-    scenario = cosim.load("sallam-nodelay").with_values(
-        {k: v for k, v in values.items() if "reference" not in k}
-        | {"operator.stop_time": 100.0, "controller_*.stiffness": 20.0, "controller_*.damping": 0.5}
-    )
-    result = cosim.run(scenario)
-    rows = result.time > 4.0 - 1e-9
-    rows[-1] = False
-    wave = np.exp(-2j * np.pi * frequency * result.time[rows])[:, None]
-    force, velocity = ((result[name][rows] * wave).mean(axis=0) for name in ("operator.f", "arm_l.dx"))
-    (h11,) = cosim.transparency(scenario, [frequency]).h11
-    np.testing.assert_allclose(h11 @ velocity, force, atol=0.02 * np.abs(force).max())
+    push = {"operator.amplitude": [0.02, 0.0, 0.0], "operator.frequency": frequency, "operator.stop_time": 100.0}
+    scenario = cosim.load("sallam-nodelay").with_values(SMALL | push | {"experiment.stop": 20.0})
+    told = {
+        name: m["value"] for name, m in cosim.run(scenario).summary["measures"].items() if name[:4] in ("felt", "met_")
+    }
+    (h11,) = cosim.transparency(scenario, [frequency]).h11[:, 0, 0]
+    assert told["felt_damping"] == pytest.approx(h11.real, rel=0.03)
+    assert told["felt_stiffness"] == pytest.approx(-2 * np.pi * frequency * h11.imag, abs=0.03 * 2 * np.pi * abs(h11))
+    assert 0.97 < told["felt_explained"] <= 1.0 and not any(name.startswith("met") for name in told)
+
+
+def test_a_wall_is_met_along_its_normal_whatever_the_tip_does_along_it():
+    """f = (1000 N/m x + 2 N s/m v) n on a tip that moves freely along the wall as well."""
+    time, normal = np.linspace(0.0, 4.0, 4001), np.array([0.6, 0.0, 0.8])
+    depth = 0.002 * np.sin(5.0 * time)
+    speed = 0.002 * 5.0 * np.cos(5.0 * time)
+    velocity = np.outer(speed, normal) + np.outer(0.002 * 3.0 * np.cos(3.0 * time), [0.0, 1.0, 0.0])
+    found = PortRecord(np.outer(1000.0 * depth + 2.0 * speed, normal), velocity).impedance(time)
+    assert found == pytest.approx((1000.0, 2.0, 1.0), rel=1e-4)
+    assert PortRecord(np.zeros((4001, 3)), velocity).impedance(time) is None
+
+
+SMALL = {"arm_*.viscous": 0.0, "arm_*.coulomb": 0.0, "controller_*.stiffness": 20.0, "controller_*.damping": 0.5}
+
+
+def apart(one: cosim.Hybrid, other: cosim.Hybrid) -> float:
+    """The greatest difference of an entry of H, over the greatest value of it."""
+    pairs = [(getattr(one, name), getattr(other, name)) for name in ("h11", "h12", "h21", "h22")]
+    return max(float(np.abs(a - b).max() / np.abs(b).max()) for a, b in pairs)
+
+
+def test_runs_with_a_small_force_let_through_what_the_linear_loop_says():
+    scenario = cosim.load("sallam-nodelay").with_values(SMALL | {"channel_*.delay_mean": 0.01})
+    assert apart(cosim.transparency(scenario, [2.0], force=1e-3), cosim.transparency(scenario, [2.0])) < 0.01
+
+
+def test_a_controller_that_measures_the_force_gets_that_of_the_tip_in_runs_and_in_the_linear_loop():
+    """Half of the environment's force reaches the hand: the gain of the law, less what the delay takes."""
+    sides = {"controller_l.side": "local", "controller_r.side": "remote", "controller_l.force_gain": 0.5}
+    friction = {"arm_*.viscous": 0.0, "arm_*.coulomb": 0.0, "controller_*.damping": 2.6}
+    values = {"controller_*.model": "PositionForceController"} | sides | friction
+    scenario = cosim.load("controllers").with_values(values)
+    linear = cosim.transparency(scenario, [1.0])
+    assert np.abs(np.diag(linear.h12[0])) == pytest.approx([0.5] * 3, rel=0.02)
+    assert apart(cosim.transparency(scenario, [1.0], force=1e-3), linear) < 0.02
+
+
+def test_friction_is_felt_in_runs_with_a_force_that_it_holds_back_and_a_loop_that_grows_is_refused():
+    """Coulomb friction is no part of the linear loop; more force passes it more easily."""
+    scenario = cosim.load("sallam-nodelay").with_values(SMALL | {"arm_l.coulomb": 0.002})
+    small, large = (np.abs(cosim.transparency(scenario, [2.0], force=f).h11[0, 0, 0]) for f in (0.02, 0.2))
+    assert small > 1.2 * large
+    with pytest.raises(cosim.InputError, match="settle"):
+        cosim.transparency(scenario.with_values({"channel_*.delay_mean": 0.6}), [2.0], force=1e-3)
 
 
 def test_stability_tells_what_the_hand_feels(tmp_path):

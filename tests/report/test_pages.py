@@ -4,7 +4,9 @@ Where a page is wrong an accessibility checker (axe) says what and where.
 """
 
 import csv
+import json
 import re
+import tomllib
 from xml.etree import ElementTree
 
 import numpy as np
@@ -34,6 +36,17 @@ KINDS = [
     "data",
     "compare",
 ]
+FILES = {
+    "run": ("summary.json", "summary.json of a run"),
+    "stability": ("stability.json", "stability.json"),
+    "sweep": ("summary.json", "summary.json and sweep.h5 of a sweep"),
+    "identification": ("identification.json", "identification.json"),
+    "closure": ("closure.json", "closure.json"),
+    "data": ("data.json", "data.json"),
+    "compare": ("compare.json", "compare.json"),
+    "robot": ("robot.json", "robot.json"),
+}
+"""The JSON file of each kind of result, and its section on the page of files."""
 PENDULUM = DATA / "dfki_pendulum_1dof" / "ddp.csv"
 SWEEP = """
 format = 1
@@ -124,6 +137,24 @@ def test_a_page_opens_without_a_message_and_an_accessibility_checker_finds_nothi
         assert page.violations() == []
     assert page.said == []
     assert pages(kind).stat().st_size < 1_500_000
+
+
+@pytest.mark.parametrize("kind", sorted(FILES))
+def test_every_key_of_the_files_that_are_written_is_on_the_page_of_files(kind, pages):
+    file, heading = FILES[kind]
+    text = next(page.text for page in written_pages() if page.slug == "outputs")
+    section = next(part for part in text.split("\n## ") if part.startswith(heading))
+    written = json.loads((pages(kind).parent / file).read_text(encoding="utf-8"))
+    assert len(written) > 4 and not [key for key in written if f"`{key}`" not in section]
+
+
+def test_every_key_of_an_effects_file_is_on_the_page_of_files(pages):
+    text = next(page.text for page in written_pages() if page.slug == "outputs")
+    section = next(part for part in text.split("\n## ") if part.startswith("effects.toml"))
+    written = tomllib.loads((pages("closure").parent / "effects.toml").read_text(encoding="utf-8"))
+    entries = [key for effect in written["effects"] for key in effect]
+    assert entries and not [key for key in (*entries, *written["provenance"]) if f"`{key}`" not in section]
+    assert not [key for key in written if not re.search(rf"`\[*{key}\]*`", section)]
 
 
 @pytest.mark.parametrize("kind", ["run", "sweep"])

@@ -1,6 +1,5 @@
 """The command `build-fmus`."""
 
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +7,7 @@ from typing import Annotated
 import typer
 
 from build_fmus.errors import BadRequestError, BuildError
+from build_fmus.interruption import INTERRUPTED, leave_when_told, stop_when_told
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -41,7 +41,7 @@ def build_fmus(
 
 def _exit_code(error: BaseException) -> int:
     """2: what was asked for does not exist; 1: it cannot be built here; 130: interrupted."""
-    return 130 if isinstance(error, KeyboardInterrupt) else 2 if isinstance(error, BadRequestError) else 1
+    return INTERRUPTED if isinstance(error, KeyboardInterrupt) else 2 if isinstance(error, BadRequestError) else 1
 
 
 def build_all(wanted: list[str], versions: list[int], platforms: list[str], out: Path) -> list[str]:
@@ -65,8 +65,8 @@ def platforms_apart(words: list[str]) -> list[str]:
 
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 it cannot be built here, 2 bad input, 130 interrupted."""
-    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: no compiler and no folder stays behind
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, signal.default_int_handler)
-    app(args=platforms_apart(sys.argv[1:]), prog_name="build-fmus")
+    stop_when_told()  # no compiler and no folder stays behind
+    try:
+        app(args=platforms_apart(sys.argv[1:]), prog_name="build-fmus")
+    finally:
+        leave_when_told()

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from cosim.cli.streams import open_streams, stop_when_told
+from build_fmus.interruption import INTERRUPTED, leave_when_told, stop_when_told
+from cosim.cli.streams import open_streams
 
 if TYPE_CHECKING:
     from typer.core import TyperCommand
@@ -49,8 +50,18 @@ _REPEATED = ("--test", "--platform")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
-    open_streams()
-    stop_when_told()
+    try:
+        open_streams()
+        stop_when_told()
+        _run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:  # while modules are still being imported
+        _interrupted()
+    finally:
+        if arguments is None:  # the program is at its end
+            leave_when_told()
+
+
+def _run(arguments: Sequence[str]) -> None:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # numpy reads it; our matrices are small, a second thread only waits
@@ -58,14 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         10_000
     )  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command,
     atexit.register(gc.freeze)  # and a tenth once more at its end
-    words = [*(sys.argv[1:] if arguments is None else arguments)]  # the command `list` hides the type of that name
+    words = [*arguments]  # the command `list` hides the type of that name
     debug = "--debug" in words
     words = _repeated([word for word in words if word != "--debug"])
     asked = words or _to_complete()
-    try:
-        _app(asked[0] if asked and asked[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
-    except KeyboardInterrupt:  # while modules are still being imported
-        _interrupted()
+    _app(asked[0] if asked and asked[0] in COMMANDS else None, debug)(args=words or ["--help"], prog_name="cosim")
 
 
 def _to_complete() -> list[str]:
@@ -167,7 +175,7 @@ def guarded(function: Callable[..., object], debug: bool) -> Callable[..., objec
 
 def _interrupted() -> NoReturn:
     print("interrupted", file=sys.stderr)
-    sys.exit(130)
+    sys.exit(INTERRUPTED)
 
 
 def _leave(error: Exception, code: int) -> NoReturn:

@@ -1,10 +1,8 @@
-"""What a process has from its surroundings: standard streams, which may be closed or lose their reader, and signals."""
+"""Standard streams, which may be closed or lose their reader."""
 
 import errno
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
@@ -54,13 +52,3 @@ def open_streams() -> None:
         if isinstance(stream, _Listened):
             continue
         setattr(sys, name, _Listened(stream))
-
-
-def stop_when_told() -> None:
-    """SIGTERM and SIGHUP (a terminal that closes) are as Ctrl-C: what was computed is kept."""
-    if threading.current_thread() is not threading.main_thread():
-        return
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores it
-            signal.signal(number, signal.default_int_handler)

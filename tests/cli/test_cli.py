@@ -297,6 +297,34 @@ def test_an_interruption_while_modules_are_imported_is_no_traceback():
     assert done.returncode == 130 and done.stderr == "interrupted\n"
 
 
+def test_a_signal_within_a_text_that_is_executed_is_an_interruption_like_any_other(tmp_path):
+    """Python ends by SIGINT where a KeyboardInterrupt has left a text given to `exec`, caught or not."""
+    (tmp_path / "sitecustomize.py").write_text(
+        """
+import sys
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "cosim.cli.list":
+            exec("import os, signal\\nos.kill(os.getpid(), signal.SIGTERM)\\nfor _ in range(9): pass")
+sys.meta_path.insert(0, Finder())
+"""
+    )
+    done = cosim("list", PYTHONPATH=os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", ".")]))
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+def test_a_signal_after_the_last_word_ends_the_program_at_once():
+    program = """
+import atexit, os, signal, time
+from cosim.cli import main
+atexit.register(time.sleep, 60)
+atexit.register(lambda: os.kill(os.getpid(), signal.SIGTERM))
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", program, "--version"], capture_output=True, text=True, timeout=50)
+    assert (done.returncode, done.stderr) == (130, "") and done.stdout.startswith("cosim ")
+
+
 def test_a_reader_that_leaves_early_is_no_error():
     done = subprocess.run(["sh", "-c", f"{sys.executable} -u -m cosim list | head -1"], capture_output=True, text=True)
     assert done.stdout.startswith("scenarios") and "rror" not in done.stderr

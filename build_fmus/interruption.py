@@ -22,7 +22,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def stop_when_told() -> None:
-    """From now on a signal raises Interrupted, so that what was computed is kept. One that is ignored (nohup) stays so."""
+    """From now on a signal raises Interrupted: what was computed is kept. One that is ignored (nohup) stays so."""
     _answer(_interrupt)
 
 

@@ -38,7 +38,7 @@ def workspace(parent: Path | None = None) -> Iterator[Path]:
         try:
             yield folder
         finally:
-            shutil.rmtree(folder, ignore_errors=True)
+            _remove(folder)
 
 
 def _locked_folder(place: Path) -> tuple[Path, IO[bytes]]:
@@ -83,4 +83,15 @@ def _clear(place: Path) -> None:
             folder.rmdir()  # works for an empty one only: its process died before it could lock it
         with abandoned(folder / _LOCK) as left:
             if left:
-                shutil.rmtree(folder, ignore_errors=True)
+                _remove(folder)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder, its lock last: what a kill leaves of the folder then still shows that it is nobody's."""
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry, ignore_errors=True)
+        elif entry.name != _LOCK:
+            with suppress(OSError):
+                entry.unlink()
+    shutil.rmtree(folder, ignore_errors=True)

@@ -157,6 +157,30 @@ with workspace(Path({str(tmp_path)!r})) as folder:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("removed", range(1, 5))
+def test_a_folder_whose_removal_was_killed_is_removed_by_who_comes_next(tmp_path, removed):
+    program = f"""
+import os, signal
+from pathlib import Path
+from build_fmus.scratch import workspace
+unlink, count = os.unlink, 0
+def killed(*words, **more):
+    global count
+    unlink(*words, **more)
+    count += 1
+    if count == {removed}:
+        os.kill(os.getpid(), signal.SIGKILL)
+with workspace(Path({str(tmp_path)!r})) as folder:
+    for name in ("0", "a", "z"):
+        (folder / name).write_text("")
+    os.unlink = killed
+"""
+    done = subprocess.run([PYTHON, "-c", program], check=False)
+    assert done.returncode == -signal.SIGKILL and len(list(tmp_path.iterdir())) == 1
+    with workspace(tmp_path) as mine:
+        assert list(tmp_path.iterdir()) == [mine]
+
+
 def test_an_archive_whose_unpacking_was_killed_leaves_nothing_after_the_repeat(tmp_path):
     archive, folder = tmp_path / "a.zip", tmp_path / "cache/contents"
     with zipfile.ZipFile(archive, "w") as file:

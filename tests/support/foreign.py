@@ -29,12 +29,12 @@ def library(source: str, *flags: str) -> bytes:
     return file.read_bytes()
 
 
-def packed(path: Path, description: str, binary: bytes | None, folder: str) -> Path:
-    """An FMU of a model description and a binary for one platform (None: no binary)."""
+def packed(path: Path, description: str, binary: bytes | None, folder: str, identifier: str = "m") -> Path:
+    """An FMU of a model description and a binary for one platform (None: no binary) under its model identifier."""
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description)
         if binary is not None:
-            archive.writestr(f"binaries/{folder}/m{PLATFORMS[this_platform()].suffix}", binary)
+            archive.writestr(f"binaries/{folder}/{identifier}{PLATFORMS[this_platform()].suffix}", binary)
     return path
 
 

@@ -85,6 +85,7 @@ NEEDS = {
     "pyfunnel": Need("pyfunnel (PyPI)", _loads("pyfunnel")),
     "exporters": Need("pythonfmu and pythonfmu3 (PyPI)", lambda: _loads("pythonfmu")() and _loads("pythonfmu3")()),
     "vdmcheck": Need("VDMCheck2 (Java, Maven, Maven Central)", _program("java", "mvn")),
+    "maestro": Need("Maestro (Java, Maven, Maven Central)", _program("java", "mvn")),
     "robots": Need("pinocchio and example-robot-data (not for Windows)", _loads("pinocchio")),
     "browser": Need(
         "Chromium and its driver (Debian: apt install chromium; PyPI: playwright, axe-playwright-python)",

@@ -4,6 +4,7 @@ A pipe would be waited for and a device read for ever, so that neither is opened
 line, in a TOML file, in an SSP, from Python.
 """
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,21 @@ def read_toml(path: Path, expected: str = "a TOML file", where: str = "") -> dic
         return tomllib.loads(named_file(path, expected, where).read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError, OSError) as error:
         raise InputError(Problem(str(path), "TOML", f"text that does not parse: {error}")) from None
+
+
+def read_json(path: Path, expected: str, advice: str = "") -> dict[str, Any]:
+    """The object in a JSON file. Raises InputError where there is none.
+
+    expected: what the file is to hold, "the summary of a run".
+    """
+    file = named_file(path, expected, advice=advice)
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(Problem(str(path), expected, f"JSON that is damaged ({error})", advice)) from None
+    if not isinstance(found, dict):
+        raise InputError(Problem(str(path), f"{expected}, a JSON object", type(found).__name__, advice))
+    return found
 
 
 def _found(path: Path) -> tuple[str, str]:

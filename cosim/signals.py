@@ -17,6 +17,8 @@ WHOLE = {
     **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
 """Least and greatest value of every type of whole numbers (an enumeration of FMI 2.0 has 32 bits, see `limits`)."""
+SETTABLE = frozenset({"parameter", "input", "structuralParameter"})
+"""Causalities whose start values are the importer's to set."""
 EXACT = 2**53
 """Whole numbers up to this size are doubles exactly."""
 _PART = re.compile(r"^(?P<stem>.*)\[(?P<first>\d{1,6})\.\.(?P<last>\d{1,6})\]$")
@@ -157,6 +159,14 @@ class Variable:
         return low, high if self.maximum is None else min(high, self.maximum)
 
     @property
+    def fits(self) -> bool:
+        """Whether the start value that the FMU declares is one that its type and its limits allow."""
+        if not self.exchanged or self.start is None or isinstance(self.start, str):
+            return True
+        low, high = self.limits
+        return low <= self.start <= high and (not self.items or self.start in self.item_values)
+
+    @property
     def exchanged(self) -> bool:
         """Whether its values are numbers, so that they can be recorded."""
         return TYPES.get(self.type, 2) < 4
@@ -230,6 +240,12 @@ class FmuDescription:
     def silent(self) -> tuple[str, ...]:
         """Outputs that are no numbers, and so are not recorded."""
         return tuple(v.name for v in self.variables.values() if v.causality == "output" and not v.exchanged)
+
+    @cached_property
+    def unfit(self) -> tuple[str, ...]:
+        """Parameters and inputs that declare a start value which their type or limits do not allow."""
+        settable = (v for v in self.variables.values() if v.causality in SETTABLE)
+        return tuple(v.name for v in settable if not v.fits)
 
     @cached_property
     def arrays(self) -> bool:

@@ -17,7 +17,7 @@ from cosim.analysis.certificate import Certificate, certificate_of
 from cosim.analysis.opened import OpenedLoop
 from cosim.analysis.parting import LoopPart, joined_apart
 from cosim.errors import InputError, Problem
-from cosim.opening import named_file
+from cosim.opening import read_json
 from cosim.results.provenance import versions
 from cosim.results.saving import write_json
 from cosim.scenario import Scenario
@@ -102,13 +102,9 @@ def _digest(content: Mapping[str, Any]) -> str:
 
 def load_certificate(path: str | Path) -> ProvenSystem:
     """Read what `save_certificate` wrote. Raises InputError where it is another file, or was changed."""
-    try:
-        content = json.loads(named_file(path, "a certificate", advice=_ADVICE).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(Problem(str(path), "a certificate in JSON", str(error), _ADVICE)) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        found = content.get("format") if isinstance(content, dict) else type(content).__name__
-        raise InputError(Problem(str(path), f'"format": "{FORMAT}"', str(found), _ADVICE))
+    content = read_json(Path(path), "a certificate", _ADVICE)
+    if content.get("format") != FORMAT:
+        raise InputError(Problem(str(path), f'"format": "{FORMAT}"', str(content.get("format")), _ADVICE))
     digest = content.pop("digest", None)
     if digest != _digest(content):
         raise InputError(

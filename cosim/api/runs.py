@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,7 +19,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.reference import RunProgress
 from cosim.errors import InputError, Problem, RunError
 from cosim.fmu import descriptions, open_system
-from cosim.opening import named_file
+from cosim.opening import named_file, read_json
 from cosim.results.files import export_csv, export_mat, read_h5, read_starts, write_h5
 from cosim.results.frames import as_dataframe, as_dataset
 from cosim.results.saving import save_files, write_json
@@ -111,18 +110,9 @@ def open_result(folder: str | Path) -> RunResult:
     file = folder / "result.h5" if folder.is_dir() else folder
     named_file(file, "a folder with a result.h5 of `cosim run`", advice="run a scenario first")
     beside = file.with_name("summary.json")
-    return RunResult(read_h5(file), _read_json(beside) if beside.exists() else {}, read_starts(file))
-
-
-def _read_json(file: Path) -> dict[str, Any]:
-    """A summary.json. Raises InputError where it is damaged."""
-    try:
-        found = json.loads(named_file(file, "the summary of a run").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(Problem(str(file), "the summary of a run", f"one that is damaged ({error})")) from None
-    if not isinstance(found, dict):
-        raise InputError(Problem(str(file), "the summary of a run", "something else"))
-    return found
+    return RunResult(
+        read_h5(file), read_json(beside, "the summary of a run") if beside.exists() else {}, read_starts(file)
+    )
 
 
 def _write_page(judged: Judged, path: Path) -> Path:

@@ -9,6 +9,7 @@ from cosim.errors import Problem
 from cosim.signals import REALS, WHOLE
 
 _TRUTHS = ("true", "false", "1", "0")
+_LIMITS = (("min", "-inf"), ("max", "inf"), ("nominal", "1"))  # with what holds where nothing is declared
 _EXPERIMENT = ("startTime", "stopTime", "stepSize", "tolerance")
 
 
@@ -60,11 +61,23 @@ def _of_variable(v: Any, where: str) -> Iterator[Problem]:
         wrong = [text for text in texts if not fits(text)]
         if wrong:
             yield Problem(where, f"{key} to be {words}", repr(wrong[0][:80]))
+    yield from _of_limits(v, where)
     for dimension in v.dimensions or ():
         if dimension.start is not None and not (_is(int, str(dimension.start)) and int(dimension.start) >= 0):
             yield Problem(where, "a size of its dimension", repr(dimension.start))
         if dimension.start is not None and dimension.valueReference is not None:
             yield Problem(where, "a size or a reference to one as its dimension", "both")
+
+
+def _of_limits(v: Any, where: str) -> Iterator[Problem]:
+    """Problems of limits that no number lies between, and of ones that are no numbers."""
+    if v.type == "Boolean" or not all(_is(float, text) for key in ("min", "max", "nominal") for text in _texts(v, key)):
+        return
+    low, high, nominal = (float(next(iter(_texts(v, key)), other)) for key, other in _LIMITS)
+    if math.isnan(nominal):
+        yield Problem(where, "a number as nominal value", "NaN")
+    if not low <= high:
+        yield Problem(where, "a min that is at most its max", f"min {low:g} and max {high:g}")
 
 
 def _texts(v: Any, key: str) -> list[str]:

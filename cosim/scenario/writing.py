@@ -52,11 +52,7 @@ def toml_value(value: object) -> str:
         return "[" + ", ".join(toml_value(item) for item in value) + "]"
     if callable(tolist := getattr(value, "tolist", None)):  # numbers and arrays of numpy
         return toml_value(tolist())
-    return (
-        '"'
-        + "".join(_ESCAPES.get(c) or (c if c.isprintable() or c > "\x7f" else f"\\u{ord(c):04x}") for c in str(value))
-        + '"'
-    )
+    return '"' + "".join(map(_escaped, str(value))) + '"'
 
 
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}

@@ -1,6 +1,5 @@
 """Stability maps side by side: where the outcomes of equal points differ, and how far a boundary has moved."""
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -12,10 +11,12 @@ from attrs import frozen
 
 from cosim.analysis.evidence import UNSTABLE
 from cosim.errors import InputError, Problem
+from cosim.opening import read_json
 from cosim.results.files import read_table
 from cosim.results.summary import number
 
 _PLACES = 401  # of x at which two boundaries are compared
+_AXIS = {"name", "unit", "low", "high", "scale", "entries"}  # keys of an axis in summary.json
 _UNSTABLE = {outcome.value for outcome in UNSTABLE}
 
 
@@ -50,12 +51,27 @@ class StabilityMap:
 
 def read_map(folder: Path) -> StabilityMap:
     """The sweep in a folder that `cosim sweep` has written. Raises InputError where there is none."""
-    try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        assert isinstance(summary["sweep"]["axes"], list)
-    except (OSError, ValueError, KeyError, TypeError, AssertionError) as error:
-        raise InputError(Problem(str(folder), "summary.json of a sweep", f"{type(error).__name__}: {error}")) from None
+    summary = read_json(folder / "summary.json", "the summary of a sweep")
+    if not _is_map(summary):
+        got = "one without its axes or boundary"
+        raise InputError(Problem(str(folder / "summary.json"), "the summary of a sweep", got, "run the sweep again"))
     return StabilityMap(folder.name, summary, read_table(folder / "sweep.h5"))
+
+
+def _is_map(summary: Mapping[str, Any]) -> bool:
+    """Whether a summary has the axes and the boundary that `cosim sweep` writes."""
+    sweep, lines = summary.get("sweep"), summary.get("boundary")
+    axes = sweep.get("axes") if isinstance(sweep, dict) else None
+    if not isinstance(axes, list) or not isinstance(lines, list):
+        return False
+    if not all(isinstance(axis, dict) and set(axis) >= _AXIS for axis in axes):
+        return False
+    labels, names = summary.get("boundary_labels"), {str(axis["name"]) for axis in axes}
+    return (
+        isinstance(labels, list)
+        and len(labels) == len(lines)
+        and names >= set(map(str, summary.get("boundary_axes", ())))
+    )
 
 
 @frozen(eq=False)

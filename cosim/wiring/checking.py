@@ -12,7 +12,7 @@ from cosim.wiring.feeding import recorded_beside, silences, starved, tool_warnin
 from cosim.wiring.links import driven_twice, links_of, scaled_links, timing_problems, too_many_instances
 from cosim.wiring.loops import assumed_loops, loop_problems, stepping_order
 from cosim.wiring.packets import put_in, with_packets
-from cosim.wiring.starts import starts_of
+from cosim.wiring.starts import starts_of, unfit_starts
 from cosim.wiring.wiring import Wiring
 
 
@@ -81,6 +81,7 @@ def check(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> tup
     links = links_of(scenario, descriptions, problems)
     problems += driven_twice(links) + loop_problems(links, descriptions) + timing_problems(scenario)
     notes = unwired(scenario, descriptions, links, starts, problems) + assumed_loops(links, descriptions)
+    problems += unfit_starts(scenario, descriptions, starts, {(x.target.component, x.target.variable) for x in links})
     beside = recorded_beside(scenario, descriptions, problems)
     problems += too_many_instances(scenario, descriptions)
     if problems:

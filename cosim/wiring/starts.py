@@ -2,14 +2,14 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from functools import cache
+
+from attrs import evolve
 
 from cosim.errors import Problem, did_you_mean
 from cosim.scenario import Scenario, start_values
-from cosim.signals import TYPES, FmuDescription, Variable, indices_of, stem
-
-_SETTABLE = {"parameter", "input", "structuralParameter"}
+from cosim.signals import SETTABLE, TYPES, FmuDescription, Variable, indices_of, stem
 
 
 def starts_of(
@@ -73,6 +73,27 @@ def _outgrown(
     return [Problem(f"{scenario.name}: {name}.{key}", fits, f"{delay:g} s", advice)]
 
 
+def unfit_starts(
+    scenario: Scenario,
+    descriptions: Mapping[str, FmuDescription],
+    starts: Mapping[str, Mapping[str, float | str]],
+    driven: Set[tuple[str, str]],
+) -> list[Problem]:
+    """Problems of values that an FMU declares against its own type or limits, where the run would begin with them:
+    neither the scenario nor a connection gives another one.
+    """
+    found = []
+    for name in scenario.components:
+        for variable in descriptions[name].unfit:
+            if variable in starts[name] or (name, variable) in driven:
+                continue
+            declared = descriptions[name].variables[variable]
+            problem = _unfit(declared, declared.start, f"{scenario.name}: {name}.{variable}")
+            advice = f"the FMU's own start value: give another one in components.{name}.parameters"
+            found += [evolve(problem, advice=advice)] if problem else []
+    return found
+
+
 def _flat(values: list | tuple) -> list:
     """A list of lists, a matrix, row by row."""
     return [entry for value in values for entry in (_flat(value) if isinstance(value, (list, tuple)) else [value])]
@@ -120,7 +141,7 @@ def _not_settable(variable: Variable, where: str) -> Problem | None:
     starts = variable.start is not None and variable.causality in ("local", "output")
     if variable.constant:
         return Problem(where, "a parameter", "a constant of the FMU")
-    if variable.causality not in _SETTABLE and not starts:
+    if variable.causality not in SETTABLE and not starts:
         return Problem(where, "a parameter", f"a variable of causality {variable.causality}")
     return Problem(where, "a variable with a value", "a clock") if variable.kind == "Clock" else None
 

@@ -145,6 +145,21 @@ def test_the_headline_names_a_signal_that_moves(folders):
     assert pair.worst.match.name in str(found) and "delay_now" not in str(found).splitlines()[1]
 
 
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "[" * 5000, "{}", '{"sweep": 3}', '{"sweep": {"axes": []}}', '{"sweep": {"axes": [{}]}}']
+)
+@pytest.mark.parametrize("name", ["sweep.h5", "result.h5"])
+def test_a_damaged_summary_is_bad_input(folders, tmp_path, name, text):
+    """That of a run may lack any key: it is told beside the signals only."""
+    (tmp_path / name).write_bytes((folders / "plain/result.h5").read_bytes())
+    (tmp_path / "summary.json").write_text(text)
+    if name == "result.h5" and text.startswith("{") and text != "{":
+        assert cosim.open_result(tmp_path).summary.get("sweep") in (None, 3, {"axes": []}, {"axes": [{}]})
+        return
+    with pytest.raises(InputError, match="summary.json: expected the summary of a"):
+        cosim.compare([tmp_path, tmp_path])
+
+
 # --- sweeps -----------------------------------------------------------------------------------------------------------
 
 

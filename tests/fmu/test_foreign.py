@@ -68,6 +68,32 @@ def test_an_item_reaches_the_fmu_by_its_value_and_comes_back_by_its_name(tmp_pat
     assert "fast" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"min": 2, "max": 1}, "k: expected a min that is at most its max, got min 2 and max 1"),
+        ({"min": "NaN"}, "k: expected a min that is at most its max, got min nan and max inf"),
+        ({"nominal": "NaN"}, "k: expected a number as nominal value, got NaN"),
+        ({"start": 5, "max": 4}, "a.k: expected a value in [-inf, 4], got 5.0; the FMU's own start value"),
+        ({"start": "NaN"}, "a.k: expected a finite number, got nan; the FMU's own start value: give another one"),
+    ],
+)
+def test_limits_and_starts_that_contradict_each_other_are_refused(tmp_path, limits, words):
+    kind = ("k", 1, "parameter", "Real", {"start": 1} | limits)
+    file = fmi2(tmp_path / "e.fmu", [X, kind])
+    assert words in refusal(scenario(tmp_path, {"a": (file, {})}))
+
+
+def test_a_start_value_against_its_limits_is_no_matter_where_the_run_has_another(tmp_path):
+    infinite = ("most", 1, "parameter", "Real", {"start": "INF"})
+    beyond = ("u", 1, "input", "Real", {"start": "NaN", "min": 0, "unit": "m"})
+    file = fmi2(tmp_path / "e.fmu", [X, beyond])
+    assert last(run(scenario(tmp_path, {"a": (file, {"u": 2.0})})), "a.x") > 0.0
+    other = fmi2(tmp_path / "o.fmu", [X, infinite])
+    assert run(scenario(tmp_path, {"a": (file, {}), "b": (other, {"most": 3.0})}, ["b.x -> a.u"])).signals["a.x"].size
+    assert "a.u: expected" in refusal(scenario(tmp_path, {"a": (file, {})}))
+
+
 def test_a_real_becomes_a_whole_number_only_where_that_is_wished_for(tmp_path):
     whole = [("n", 0, "input", "Integer", {"start": 0}), ("seen", 1, "output", "Integer", {})]
     a, b = fmi2(tmp_path / "a.fmu"), fmi2(tmp_path / "b.fmu", whole)

@@ -95,7 +95,7 @@ def killed(place, name, number, after):
 def repeated(place, name):
     """The same command once more: it succeeds, its files are there, and nothing else is."""
     process = begun(place, name)
-    assert process.wait(timeout=250) == 0, (place / "said").read_text()
+    assert process.wait(timeout=1000) == 0, (place / "said").read_text()
     nothing_left(place)
     assert all((place / file).is_file() for file in LEFT[name][1])
     assert [str(p) for p in place.rglob("*.part")] == [] and list((place / "tmp").iterdir()) == []

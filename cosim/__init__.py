@@ -106,6 +106,7 @@ def __getattr__(name: str) -> object:
         from cosim.api.asked import asked
 
         found = asked(found)
+        found.__module__ = __name__  # where it is found again, by pickle for one
     globals()[name] = found
     return found
 

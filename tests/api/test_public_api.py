@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,10 @@ def test_arguments_deeper_inside_are_looked_at_too_and_what_is_as_good_is_taken(
     assert cosim.run(scenario, record=(name for name in ["arm_l.x"])).signals == tuple(
         f"arm_l.x[{k}]" for k in (1, 2, 3)
     )
+
+
+def test_a_function_can_be_sent_to_another_process():
+    assert pickle.loads(pickle.dumps(cosim.run)) is cosim.run and cosim.run.__name__ == "run"
 
 
 def test_a_page_of_python_does_what_the_commands_do(tmp_path):

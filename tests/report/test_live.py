@@ -92,6 +92,13 @@ def test_the_rows_have_the_bits_of_a_run_of_20_s_faster_than_fifty_times_real_ti
     assert told["factor"] >= 50
 
 
+@pytest.mark.slow
+def test_the_page_of_ten_controllers_is_small_enough(tmp_path):
+    size = cosim.live("controllers", tmp_path, stability_map=False).stat().st_size
+    print(f"{size / 1e6:.2f} MB")
+    assert size < 1.5e6
+
+
 @pytest.mark.needs("node")
 def test_a_recording_of_the_page_is_read(page, tmp_path):
     told, _ = run_page(page("sallam-stable"), 400, tmp_path / "rows")
@@ -145,7 +152,7 @@ def test_another_controller_takes_over_and_the_energies_are_those_of_a_run(contr
     file, (scenario, _) = controllers
     energies = ("energy_hand", "energy_environment", "energy_coupling")
     expected = cosim.run(scenario.with_values({"experiment.stop": 1.0})).summary["measures"]
-    with open_page(browser, file) as seen:
+    with open_page(browser, file, color_scheme="dark") as seen:
         seen.evaluate(
             "(() => { livePage.running = false; livePage.again();"
             "while (livePage.loop.time < 1 - 1e-9) { livePage.loop.advance(); livePage.note(); } })()"

@@ -44,6 +44,17 @@ COMMANDS = {
 }
 
 
+PAGES = {
+    **dict.fromkeys(("show", "run", "live", "stability", "export"), "scenario-keys"),
+    "sweep": "sweep-keys",
+    **dict.fromkeys(("data", "identify", "close-loop"), "description-format"),
+    "verify": "any-delay",
+    "fmu": "other-tools",
+    "new": "own-controller",
+    **dict.fromkeys(("plot", "compare"), "outputs"),
+}
+"""The page of the manual that says what a command takes; `commands` for the others."""
+
 _REPEATED = ("--test", "--platform")
 """Options that take several values in a row: `--test A.csv B.csv` is `--test A.csv --test B.csv`."""
 
@@ -144,15 +155,19 @@ def _register(app: typer.Typer, name: str, debug: bool) -> None:
         _leave(error, 1)
     group = getattr(module, "app", None)
     if group is None:
-        app.command(name)(guarded(module.command, debug))
+        app.command(name)(guarded(module.command, debug, name))
         return
     for info in group.registered_commands:
-        info.callback = guarded(info.callback, debug)
+        info.callback = guarded(info.callback, debug, name)
     app.add_typer(group, name=name, help=COMMANDS[name])
 
 
-def guarded(function: Callable[..., object], debug: bool) -> Callable[..., object]:
-    """The command with its exceptions as messages and exit codes; tracebacks pass only with `debug`."""
+def guarded(function: Callable[..., object], debug: bool, name: str) -> Callable[..., object]:
+    """The command with its exceptions as messages and exit codes; tracebacks pass only with `debug`.
+
+    name: of the command; bad input is told with the page of the manual that says what it takes.
+    """
+    page = PAGES.get(name, "commands")
     from cosim.errors import InputError, Problem, RunError
 
     @wraps(function)
@@ -162,11 +177,11 @@ def guarded(function: Callable[..., object], debug: bool) -> Callable[..., objec
         except RecursionError:
             if debug:
                 raise
-            _leave(InputError(Problem("a file", "less than a thousand lists in one another", "more")), 2)
+            _leave(InputError(Problem("a file", "less than a thousand lists in one another", "more")), 2, page)
         except Exception as error:
             if debug:
                 raise
-            _leave(error, {InputError: 2, RunError: 1}.get(type(error), 1))
+            _leave(error, {InputError: 2, RunError: 1}.get(type(error), 1), page)
         except KeyboardInterrupt:
             _interrupted()
 
@@ -178,7 +193,7 @@ def _interrupted() -> NoReturn:
     sys.exit(INTERRUPTED)
 
 
-def _leave(error: Exception, code: int) -> NoReturn:
+def _leave(error: Exception, code: int, page: str = "commands") -> NoReturn:
     """One message on stderr, then out: the words of our own errors, the kind of the others."""
     from build_fmus.errors import BuildError
     from cosim.errors import InputError, RunError
@@ -187,6 +202,7 @@ def _leave(error: Exception, code: int) -> NoReturn:
         count = len(error.problems)
         print(f"{count} problem{'s' if count != 1 else ''} in the input:", file=sys.stderr)
         print("\n".join(f"  {problem}" for problem in error.problems), file=sys.stderr)
+        print(f"what is expected there: cosim docs {page}", file=sys.stderr)
     elif isinstance(error, ModuleNotFoundError):
         print(f"error: this command needs {error.name}, which is not installed", file=sys.stderr)
     elif isinstance(error, (RunError, BuildError, OSError)):

@@ -14,7 +14,9 @@ def command(
         list[Path], typer.Argument(help="Recordings (CSV, Parquet, MAT); a .toml of the same stem describes them.")
     ],
     test: Annotated[list[Path] | None, typer.Option(help="Recordings that are held out.")] = None,
-    description: Annotated[Path | None, typer.Option(help="Description file (CONTRACT.md, measured data).")] = None,
+    description: Annotated[
+        Path | None, typer.Option(help="what the columns are (TOML; cosim docs description-format)")
+    ] = None,
     effects: Annotated[
         Path | None, typer.Option(help="effects.toml of an earlier pass: the search starts from it.")
     ] = None,

@@ -7,6 +7,7 @@ import typer
 
 
 def command(
+    page: Annotated[str, typer.Argument(help="the page to begin with, `scenario-keys`, say")] = "index",
     out: Annotated[Path, typer.Option(help="folder for the pages, HTML and Markdown")] = Path("results/docs"),
     browser: Annotated[bool, typer.Option("--open/--no-open", help="show it in the browser")] = True,
 ) -> None:
@@ -15,9 +16,14 @@ def command(
 
     from cosim.cli.folder import made
     from cosim.cli.reference import reference_pages
+    from cosim.errors import InputError, Problem, did_you_mean
     from cosim.report.manual import write_manual, written_pages
 
-    first = write_manual([*written_pages(), *reference_pages()], made(out))
-    print(f"the manual: {first}")
+    pages = [*written_pages(), *reference_pages()]
+    names = [one.slug for one in pages]
+    if page not in names:
+        raise InputError(Problem("page", "a page of the manual", repr(page), did_you_mean(page, names)))
+    shown = write_manual(pages, made(out)).with_name(f"{page}.html")
+    print(f"the manual: {shown}")
     if browser:
-        webbrowser.open(first.resolve().as_uri())
+        webbrowser.open(shown.resolve().as_uri())

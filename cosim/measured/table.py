@@ -75,7 +75,7 @@ class RawTable:
         beside = sorted(p.name for p in self.path.parent.glob("*.toml") if p.stem != self.path.stem)
         if beside and not self.path.with_suffix(".toml").exists():
             advice += f"; is its description one of {', '.join(beside[:4])}? (--description)"
-        advice += "; cosim data writes a description of a file (cosim/measured/README.md has the format)"
+        advice += "; cosim data writes a description of a file (format: `cosim docs description-format`)"
         return Problem(f"{self.path}", f"the columns {', '.join(names)}", "a file without them", advice)
 
 

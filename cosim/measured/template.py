@@ -6,7 +6,7 @@ from attrs import frozen
 
 from cosim.measured.columns import SINGLE
 
-PAGE = "cosim/measured/README.md"
+PAGE = "`cosim docs description-format`"
 SERVO = (
     "# [servo]  # axis: a position servo, with q_ref and without tau: tau = gain (e - dead_band sgn(e)), e = q_ref - q",
     "# gain = 1.0  # unit of tau per rad; without it parameters carry rad of the error for N.m",

@@ -94,7 +94,7 @@ def definite(arm: ParameterSet, found: Definiteness) -> Section:
         "M11 is minimised over box and linkage by branch and bound: the value is the proven global minimum, not the "
         "best of a grid. The smaller eigenvalue of the (q2, q3) block depends on |sin(q2 - q3)| only. Taati 3.2 "
         "reports M > 0 with a smallest eigenvalue of 1.8e-3 for all configurations, which the table does not bear out "
-        "(MISPRINTS.md)."
+        "(`cosim docs misprints`)."
     )
     table = Table(
         header,

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from cosim.cli import COMMANDS
+from cosim.cli import COMMANDS, PAGES
 from cosim.results.files import read_h5
 
 COSIM = [sys.executable, "-m", "cosim"]
@@ -45,6 +45,25 @@ def test_the_help_names_version_and_completion_and_a_shell_gets_both_kinds_of_wo
     for typed, count, wanted in (("cosim stab", 1, "stability"), ("cosim run --allow", 2, "--allow-outside")):
         asked = {"_COSIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(count)}
         assert cosim(**asked).stdout.split() == [wanted]
+
+
+def test_bad_input_is_told_with_the_page_of_the_manual_that_helps(tmp_path):
+    from cosim.cli.reference import reference_pages
+    from cosim.report.manual import written_pages
+
+    slugs = {page.slug for page in (*written_pages(), *reference_pages())}
+    assert {*PAGES.values(), "commands"} <= slugs and set(PAGES) <= set(COMMANDS)
+    refused = cosim("run", "nothing-of-that-name", folder=tmp_path)
+    assert (
+        refused.returncode == 2
+        and refused.stderr.splitlines()[-1] == "what is expected there: cosim docs scenario-keys"
+    )
+    shown = cosim("docs", "scenario-keys", "--no-open", "--out", "docs", folder=tmp_path)
+    assert (
+        shown.stdout == "the manual: docs/scenario-keys.html\n" and (tmp_path / "docs" / "scenario-keys.html").is_file()
+    )
+    unknown = cosim("docs", "scenario-key", "--no-open", folder=tmp_path)
+    assert unknown.returncode == 2 and "did you mean 'scenario-keys'" in unknown.stderr
 
 
 def test_version_and_unknown_commands():

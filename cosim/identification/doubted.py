@@ -64,7 +64,7 @@ def _late(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:
         return change, ()
     joints = np.eye(fit.stack.tau.shape[1])
     columns = [rate[:, :, None] * joints for rate in (fit.stack.tau_rate, fit.stack.tau_bend)]
-    change = np.abs(fit.beside(np.concatenate(columns, axis=2)).params[: len(change)] - fit.params)
+    change = np.abs(fit.beside(np.concatenate(columns, axis=2)).params[: len(change)] - fit.free)
     if not filtered and not (change > fit.spread.half_width).any():
         return np.zeros(len(change)), ()
     return change, (_lag(shift, std, step),) if abs(shift) >= SURE * std else ()
@@ -100,7 +100,7 @@ def _bent(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:
     size = np.abs(fit.stack.tau).max(axis=0)
     size[size == 0] = 1.0
     params, std = fit.one_beside(fit.stack.tau**3 / size**2)
-    share, change = -float(params[-1]), np.abs(params[:-1] - fit.params)
+    share, change = -float(params[-1]), np.abs(params[:-1] - fit.free)
     if abs(share) < SURE * std or not (change > fit.spread.half_width).any():
         return nothing
     way = "small" if share > 0 else "large"
@@ -122,7 +122,7 @@ def _warmer(fit: Fit) -> np.ndarray:
         if unit in KELVINS:
             warmth = np.nan_to_num(_at_rows(fit, name))  # 0, the mean, for runs whose temperature is not known
             found = fit.beside(fit.base.y[:, :, friction] * warmth[:, None, None]).params
-            change += np.abs(found[: len(change)] - fit.params)
+            change += np.abs(found[: len(change)] - fit.free)
             change[friction] += np.abs(found[len(change) :]) * np.abs(warmth).max()
     return change
 
@@ -143,7 +143,7 @@ def _noise(fit: Fit) -> np.ndarray:
     """
     rng = np.random.default_rng(0)
     found = [fit.otherwise(_noisier(fit.recording, rng)) for _ in range(REPLICATES)]
-    change = np.abs(np.mean(found, axis=0) - fit.params)
+    change = np.abs(np.mean(found, axis=0) - fit.free)
     return np.where(np.isfinite(change), change, np.inf)
 
 
@@ -168,20 +168,7 @@ def _touched(fit: Fit, otherwise: Rescaled | None) -> tuple[Label, ...]:
     """Parameters that come out differently if the recording is what the doubt says; all where that is not known."""
     if otherwise is None:
         return fit.stack.labels
-    other = fit.otherwise(rescaled(fit.recording, otherwise))
-    alike = np.abs(other - fit.params) <= fit.spread.half_width
+    other = fit.otherwise(fit.recording.rescaled(otherwise))
+    alike = np.abs(other - fit.free) <= fit.spread.half_width
     same = {label for label, kept in zip(fit.base.labels, alike.tolist(), strict=True) if kept}
     return tuple(label for label in fit.stack.labels if label not in same)
-
-
-def rescaled(recording: Recording, by: Rescaled) -> Recording:
-    """The recording with one signal of a joint in another unit."""
-
-    def scaled(x: np.ndarray) -> np.ndarray:
-        x = x.copy()
-        x[:, by.joint] *= by.factor
-        return x
-
-    return evolve(
-        recording, runs=tuple(evolve(run, **{by.role: scaled(getattr(run, by.role))}) for run in recording.runs)
-    )

@@ -1,5 +1,7 @@
 """One fit of a recording by one method: base parameters, their estimate and its spread."""
 
+from functools import cached_property
+
 import numpy as np
 from attrs import evolve, frozen
 
@@ -39,6 +41,13 @@ class Fit:
     def params(self) -> np.ndarray:
         """Base parameters (p,)."""
         return self.estimate.params
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """Base parameters (p,) without the constraint to a physical arm: what `beside` and `otherwise` compare with."""
+        if not self.method.physical:
+            return self.params
+        return estimate(self.base, evolve(self.method, physical=False), self.model).params
 
     def beside(self, columns: np.ndarray) -> ParameterEstimate:
         """The base parameters fitted with further columns (n, nj, k), whose coefficients are the last k parameters."""

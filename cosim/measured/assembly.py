@@ -42,20 +42,21 @@ class _FilePart:
 
 
 def read(
-    paths: Iterable[Path | str],
+    paths: Iterable[Path | str | RawTable],
     test: Iterable[Path | str] = (),
     description: Path | str | RecordingDescription | None = None,
 ) -> Recording:
-    """Read files into one recording; `test` files are held out.
+    """Read files, or tables that were read from some, into one recording; `test` files are held out.
 
     Held-out rows: those of `test`, else of the split column, else the second half of each recording. Raises InputError
     with what is wrong where; repairs are in the recording's `warnings`.
     """
-    fit, held = [Path(path) for path in paths], [Path(path) for path in test]
-    if not fit:
+    given, held = list(paths), [Path(path) for path in test]
+    if not given:
         raise InputError(Problem("files", "at least one recording", "none"))
-    tables = [(read_table(path), path in held and path not in fit) for path in fit]
-    tables += [(read_table(path), True) for path in held]
+    fitted = [one if isinstance(one, RawTable) else read_table(Path(one)) for one in given]
+    fit = [table.path for table in fitted]
+    tables = [(table, False) for table in fitted] + [(read_table(path), True) for path in held]
     _same_file_twice(fit, held)
     chosen = _description([table for table, _ in tables], description)
     notes = Notes()
@@ -65,7 +66,7 @@ def read(
     _torque_told(chosen, notes)
     runs = _held_out(_runs(tables, chosen, notes), bool(held), notes)
     recording = Recording(chosen, tuple(runs), files=tuple(str(path) for path in (*fit, *held)))
-    doubts.check(recording, notes)
+    recording = doubts.checked(recording, notes)
     return evolve(recording, warnings=tuple(notes.warnings), doubts=tuple(notes.doubts))
 
 

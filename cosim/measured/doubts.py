@@ -17,8 +17,12 @@ SUSPECT = (
 )
 
 
-def check(recording: Recording, notes: Notes) -> None:
-    """Tell what is doubtful. Raises InputError for a dead channel or a unit that cannot be right."""
+def checked(recording: Recording, notes: Notes) -> Recording:
+    """The recording with columns exchanged and angles in radians where they surely were not; tells what is doubtful.
+
+    Raises InputError for a dead channel or a unit that cannot be right.
+    """
+    recording = plausibility.in_radians(plausibility.in_place(recording, notes), notes)
     problems = _constant(recording) + _too_large(recording)
     velocity_problems, velocities = _velocities(recording)
     if problems + velocity_problems:
@@ -28,6 +32,7 @@ def check(recording: Recording, notes: Notes) -> None:
     found += [*plausibility.runs_apart(recording), *plausibility.drifting(recording)]
     for doubt in found:
         notes.add(doubt)
+    return recording
 
 
 def _constant(recording: Recording) -> list[Problem]:

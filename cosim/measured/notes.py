@@ -28,7 +28,7 @@ DISPOSITIONS: Mapping[str, Disposition] = MappingProxyType(
         **dict.fromkeys(("jump", "frozen", "sentinel", "dropout", "missing"), Disposition.REPAIRED),
         **dict.fromkeys(("overflow", "wrap", "held samples", "stamps of arrival"), Disposition.REPAIRED),
         **dict.fromkeys(("clock set back", "clock set forward", "order", "restart", "gap"), Disposition.REPAIRED),
-        "uneven stamps": Disposition.REPAIRED,
+        **dict.fromkeys(("uneven stamps", "degrees", "exchanged"), Disposition.REPAIRED),
         **dict.fromkeys(("no time", "hole", "repeated stamp", "repeated block", "new zero"), Disposition.LEFT_OUT),
         "clipped": Disposition.LEFT_OUT,
         **dict.fromkeys(("filtered", "lag", "bent", "repeats", "temperature"), Disposition.IN_INTERVAL),

@@ -3,8 +3,10 @@ drift. Bounds are those of physics, wide enough for any device.
 """
 
 import numpy as np
+from attrs import evolve
 
-from cosim.measured.notes import Doubt, Rescaled
+from cosim.measured import encoder
+from cosim.measured.notes import Doubt, Notes, Rescaled
 from cosim.measured.recording import Recording, Run
 
 FASTEST = 2000.0  # rad/s, 19000 turns a minute: faster than drives of robots turn; 35 rad/s in degrees are more
@@ -28,14 +30,71 @@ def swapped(recording: Recording) -> list[Doubt]:
     run = max(recording.runs, key=len)
     doubtful = []
     for joint, label in enumerate(recording.joints):
-        q, tau = _rough(run.q[:, joint]), _rough(run.tau[:, joint])
-        if q > ROUGHER * tau and tau > 0 and not _coarse(run.q[:, joint]):
+        if _looks_swapped(run, joint):
+            q, tau = _rough(run.q[:, joint]), _rough(run.tau[:, joint])
             text = (
                 f"{label}: {names.q[joint]} is {q / tau:.2g} times as rough as {names.tau[joint]}, though a position "
                 "is a torque integrated twice: are the columns swapped? Exchange their names in [columns]"
             )
             doubtful.append(Doubt.of("swapped", text))
     return doubtful
+
+
+def in_place(recording: Recording, notes: Notes) -> Recording:
+    """The recording with position and torque of a joint exchanged where that alone makes them those of one motion.
+
+    As recorded the position is ROUGHER than the torque, or jumps as none does, and exchanged each must explain the
+    other ROUGHER times as well. Only columns that nothing was done to before are exchanged: what mends a position is
+    not what mends a torque.
+    """
+    description, longest = recording.description, max(recording.runs, key=len)
+    touched = any(doubt.kind != "swapped" for doubt in notes.doubts) or any(
+        run.clipped is not None or run.servo is not None for run in recording.runs
+    )
+    names = description.columns
+    if touched or names.dq or names.ddq or names.q_ref or description.units.keys() & {"q", "tau"} or description.scale:
+        return recording
+    for joint, name in enumerate(names.q):
+        q, tau = longest.q[:, joint], longest.tau[:, joint]
+        jumps = [doubt for doubt in notes.doubts if f": {name} jumps" in doubt.text]
+        suspected = jumps or _looks_swapped(longest, joint)
+        if not suspected or _unexplained(q, tau) < ROUGHER * _unexplained(tau, q):
+            continue
+        notes.doubts[:] = [doubt for doubt in notes.doubts if doubt not in jumps]  # torques may
+        text = (
+            f"{recording.joints[joint]}: {names.tau[joint]} is the motion and {names.q[joint]} the torque that makes "
+            "it: their columns were swapped and are exchanged"
+        )
+        notes.add(Doubt.of("exchanged", text))
+        recording = evolve(recording, runs=tuple(_exchanged(run, joint) for run in recording.runs))
+    return recording
+
+
+def _exchanged(run: Run, joint: int) -> Run:
+    q, tau = run.q.copy(), run.tau.copy()
+    q[:, joint], tau[:, joint] = run.tau[:, joint], run.q[:, joint]
+    return evolve(run, q=q, tau=tau)
+
+
+def _unexplained(position: np.ndarray, torque: np.ndarray) -> float:
+    """Part of a torque (n,), integrated twice, that no inertia, friction, gravity and offset make of the position.
+
+    The equation of motion is integrated and not the position differentiated: that would enlarge its noise.
+    """
+    still = np.arange(len(position), dtype=float)[:, None] ** (0, 1)  # constants of the integrations
+    twice = [np.sign(np.gradient(position)), np.sin(position), np.cos(position), np.ones(len(position)), torque]
+    *forces, total = (np.cumsum(np.cumsum(x)) for x in twice)
+    columns = np.column_stack([still, position, np.cumsum(position), *forces])
+    columns /= np.abs(columns).max(axis=0)
+    rest = total - columns @ np.linalg.lstsq(columns, total, rcond=None)[0]
+    drift = np.column_stack([still, forces[-1]]) / np.abs(forces[-1]).max()
+    alone = total - drift @ np.linalg.lstsq(drift, total, rcond=None)[0]
+    return float(np.sqrt(np.mean(rest**2) / max(float(np.mean(alone**2)), 1e-300)))
+
+
+def _looks_swapped(run: Run, joint: int) -> bool:
+    q, tau = _rough(run.q[:, joint]), _rough(run.tau[:, joint])
+    return q > ROUGHER * tau and tau > 0 and not _coarse(run.q[:, joint])
 
 
 def _rough(values: np.ndarray) -> float:
@@ -48,6 +107,28 @@ def _coarse(values: np.ndarray) -> bool:
     steps = np.abs(np.diff(values))
     steps = steps[steps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
     return bool(len(steps)) and float(np.quantile(steps, 0.05)) > 0.3 * float(np.median(np.abs(np.diff(values, 2))))
+
+
+def in_radians(recording: Recording, notes: Notes) -> Recording:
+    """The recording with joints that move as none does in radians, and whose encoders count degrees, in radians."""
+    names = recording.description.columns
+    if "q" in recording.description.units or names.dq or names.ddq or names.q_ref:
+        return recording
+    for doubt in fast(recording):
+        by = doubt.otherwise
+        if by is not None and _unit(recording, by.joint) == "deg":
+            text = (
+                f"{recording.joints[by.joint]} moves as no joint does in radians, and a count of its encoder is a "
+                "whole part of 360 degrees and not of 2 pi: q is in degrees, converted"
+            )
+            notes.add(Doubt.of("degrees", text))
+            recording = recording.rescaled(by)
+    return recording
+
+
+def _unit(recording: Recording, joint: int) -> str | None:
+    """What the encoder's step tells of the unit of q."""
+    return encoder.unit_of(max(recording.runs, key=len).q[:, joint])
 
 
 def fast(recording: Recording) -> list[Doubt]:
@@ -72,7 +153,7 @@ def _many_turns(recording: Recording) -> list[Doubt]:
         span = max(float(np.ptp(run.q[:, joint])) for run in recording.runs)
         path = sum(float(np.abs(np.diff(run.q[:, joint])).sum()) for run in recording.runs)
         net = sum(abs(float(run.q[-1, joint] - run.q[0, joint])) for run in recording.runs)
-        if span > TURNS * 2 * np.pi and net < path / 2:
+        if span > TURNS * 2 * np.pi and net < path / 2 and _unit(recording, joint) != "rad":
             text = (
                 f'{label} swings over {span / (2 * np.pi):.3g} turns: if q is in degrees, say [units] q = "deg" '
                 '(if it is not, say [units] q = "rad")'

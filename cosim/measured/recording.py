@@ -7,7 +7,7 @@ from attrs import evolve, field, fields, frozen
 
 from cosim.measured.description import RecordingDescription
 from cosim.measured.device import Device
-from cosim.measured.notes import Doubt
+from cosim.measured.notes import Doubt, Rescaled
 
 
 @frozen(eq=False)
@@ -76,3 +76,13 @@ class Recording:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints in words."""
         return self.description.joints
+
+    def rescaled(self, by: Rescaled) -> "Recording":
+        """The recording with one signal of a joint in another unit."""
+
+        def scaled(x: np.ndarray) -> np.ndarray:
+            x = x.copy()
+            x[:, by.joint] *= by.factor
+            return x
+
+        return evolve(self, runs=tuple(evolve(run, **{by.role: scaled(getattr(run, by.role))}) for run in self.runs))

@@ -96,7 +96,7 @@ def survey(files: Sequence[Path], description: Path | None = None) -> Survey:
     draft = "" if given else _draft(columns, files[0])
     try:
         described = load_description(given) if given else _parsed(draft, files[0])
-        recording = read(files, description=described)
+        recording = read([table, *files[1:]], description=described)
     except InputError as error:
         problems = tuple(map(str, error.problems))
         return Survey(names, columns, draft, str(given or "guesses"), None, problems, table.warnings)

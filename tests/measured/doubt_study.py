@@ -36,8 +36,8 @@ EXPECTED = {
     "clock set back": ("clock set back",),
     "clock": ("clock set back", "clock set forward", "stamps of arrival", "gap"),
     "repeated block": ("repeated block",),
-    "degrees": ("unit",),
-    "swapped": ("swapped",),
+    "degrees": ("unit", "degrees"),
+    "swapped": ("swapped", "exchanged"),
     "filter": ("filtered", "lag"),
 }
 HARMLESS = {"outside"}

@@ -3,10 +3,12 @@ has equations of its own (tests/support/axis_rig.py)."""
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 import cosim
 from cosim.measured import read
 from cosim.measured.clipping import at_extreme
+from cosim.measured.encoder import unit_of
 from cosim.measured.impossible import APART, separated
 from cosim.measured.notes import DISPOSITIONS
 from tests.support.axis_rig import COUNT, FAULTS, NOISE, OTHER_FORMS, TRUTH, AxisLog, recorded
@@ -102,6 +104,18 @@ def test_the_order_statistics_of_exponential_tails_stay_together():
     assert separated(np.r_[rng.uniform(size=1000), 5.0], APART, 100) < 1.0
 
 
+def geared_degrees(x, strength):
+    """Degrees behind a gear of 1 to 1.2345, so that no turn is a whole number of counts."""
+    step = 1.2345 * COUNT
+    return evolve(x, q=np.rad2deg(np.round(x.q / step) * step) * strength)
+
+
+def torque_for_position(x, strength):
+    """The torque in the column of the position, and something else in that of the torque."""
+    return evolve(x, q=x.tau, tau=np.sin(strength * x.t))
+
+
+CANNOT_TELL = {"swapped": torque_for_position, "degrees": geared_degrees}
 WITHHELD = {"swapped": ("swapped", set(TRUTH)), "degrees": ("unit", {"inertia", "viscous"})}
 
 
@@ -109,7 +123,7 @@ WITHHELD = {"swapped": ("swapped", set(TRUTH)), "degrees": ("unit", {"inertia", 
 def test_what_cannot_be_decided_takes_the_intervals_that_it_touches_and_no_others(clean, tmp_path, fault):
     """In degrees inertia and viscous friction are 57 times too small; Coulomb friction and offset are what they are."""
     kind, touched = WITHHELD[fault]
-    result = cosim.identify(FAULTS[fault](clean, 1.0).write(tmp_path / "x.csv"))
+    result = cosim.identify(CANNOT_TELL[fault](clean, 1.0).write(tmp_path / "x.csv"))
     table = result.to_dict()
     found = {p["name"]: p for p in table["parameters"]}
     for name, value in TRUTH.items():
@@ -120,6 +134,45 @@ def test_what_cannot_be_decided_takes_the_intervals_that_it_touches_and_no_other
     assert f"no interval ({kind})" in str(result) and "no interval for inertia" in " ".join(result.warnings)
     result.save(tmp_path / "out")
     assert f"withheld: {kind}" in (tmp_path / "out/report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "words"),
+    [
+        ("degrees", "degrees", "q is in degrees, converted"),
+        ("swapped", "exchanged", "tau is the motion and q the torque that makes it"),
+    ],
+)
+def test_columns_are_put_right_where_the_data_tell_how(clean, tmp_path, fault, kind, words):
+    """By the counts of a turn; by the equation of motion, which one way round only is one."""
+    result = cosim.identify(FAULTS[fault](clean, 1.0).write(tmp_path / "x.csv")).to_dict()
+    found = {p["name"]: p for p in result["parameters"]}
+    assert all(found[name]["interval"][0] <= value <= found[name]["interval"][1] for name, value in TRUTH.items())
+    (doubt,) = (doubt for doubt in result["doubts"] if doubt["kind"] == kind)
+    assert doubt["done"] == "repaired" and words in doubt["text"]
+
+
+@pytest.mark.parametrize(
+    ("step", "unit"),
+    [
+        (360 / 4096, "deg"),
+        (360 / 40000, "deg"),
+        (2 * np.pi / 4096, "rad"),
+        (2 * np.pi / 1_000_000, "rad"),
+        (2 * np.pi / (4096 * 50), "rad"),  # behind a harmonic drive
+        (2 * np.pi / (4096 * 4.3211), None),
+        (0.01, None),  # 36000 counts of degrees, or two decimals of radians
+        (0.002, None),
+        (1e-9, None),  # no two levels beside each other
+    ],
+)
+def test_the_unit_of_an_angle_by_its_steps(step, unit):
+    t = np.linspace(0.0, 20.0, 20_000)
+    motion = 1.3 * np.sin(t) + 0.4 * np.sin(3.1 * t) + 0.2
+    scale = 57.3 if unit == "deg" else 1.0
+    assert unit_of(np.round(scale * motion / step) * step) == unit
+    assert unit_of(np.round(np.round(scale * motion / step) * step, 9)) == unit  # as a file has it
+    assert unit_of(scale * motion) is None
 
 
 @pytest.mark.parametrize("fault", ["filter", "soft limit"])

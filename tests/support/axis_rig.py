@@ -116,8 +116,8 @@ def repeated(x: AxisLog, strength: float) -> AxisLog:
 
 
 def in_degrees(x: AxisLog, strength: float) -> AxisLog:
-    """Angles in degrees, faster with the strength."""
-    return evolve(x, q=np.rad2deg(x.q) * strength)
+    """Angles in degrees, of a motion that is larger by the strength."""
+    return evolve(x, q=np.rad2deg(x.q) * strength, tau=x.tau + _stretched(x, strength))
 
 
 def swapped(x: AxisLog, strength: float) -> AxisLog:

@@ -75,9 +75,10 @@ class RunsCompared:
             return f"within the tolerance in {len(found.signals)} signals; {most}"
         if not found.leaving:
             return f"it ends at {found.ends[1]:g} s, the reference at {found.ends[0]:g} s{other}"
-        first = found.leaving[0]
+        first = next((s for s in found.leaving if s.moves), found.leaving[0])
+        which = "first" if first is found.leaving[0] else "first of those that vary"
         count = f"{len(found.leaving)} of {len(found.signals)} signals leave the tube"
-        return f"{count}, first {first.match.name} at {first.found.first_outside:.6g} s; {most}"
+        return f"{count}, {which} {first.match.name} at {first.found.first_outside:.6g} s; {most}"
 
     def to_dict(self) -> dict[str, Any]:
         """The content of compare.json."""

@@ -185,10 +185,11 @@ def _measures(result: Result, wiring: Wiring) -> dict[str, Measure]:
         found["force_tracking"] = Measure(apart, "N", "RMS of |f_h + f_e|, forces of hand and environment")
     for name, side in (("felt", hand), ("met", wall and PortRecord(-wall.force, wall.velocity))):
         if side is not None and (impedance := side.impedance(result.time)) is not None:
-            words = "that the hand felt" if name == "felt" else "that the environment was"
-            found[f"{name}_stiffness"] = Measure(impedance[0], "N/m", f"the spring {words}")
-            found[f"{name}_damping"] = Measure(impedance[1], "N s/m", f"the damper {words}")
-            found[f"{name}_explained"] = Measure(impedance[2], "1", "part of the force that spring and damper explain")
+            who = "hand felt" if name == "felt" else "environment was"
+            found[f"{name}_stiffness"] = Measure(impedance[0], "N/m", f"the spring that the {who}")
+            found[f"{name}_damping"] = Measure(impedance[1], "N s/m", f"the damper that the {who}")
+            words = f"part of the {who.split()[0]}'s force that its spring and damper explain"
+            found[f"{name}_explained"] = Measure(impedance[2], "1", words)
     for name, energy in _energies(ports, result.time).items():
         found[f"energy_{name}"] = Measure(float(energy[-1]), "J", _ENERGY[name])
         if name == "coupling":

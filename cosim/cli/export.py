@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from cosim.cli.run import DEMONSTRATION, OUTSIDE
+from cosim.cli.shipped_names import ScenarioArgument
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
+    scenario: ScenarioArgument = DEMONSTRATION,
     platform: Annotated[
         list[str] | None, typer.Option(help="platform of the binaries, FMI 3 name; may be repeated; `all`")
     ] = None,

@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from cosim.cli.run import DEMONSTRATION, OUTSIDE
+from cosim.cli.shipped_names import ScenarioArgument
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
+    scenario: ScenarioArgument = DEMONSTRATION,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cosim.cli.shipped_names import ScenarioArgument
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -26,7 +28,7 @@ class ExportFormat(StrEnum):
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")] = DEMONSTRATION,
+    scenario: ScenarioArgument = DEMONSTRATION,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,

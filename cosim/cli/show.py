@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.cli.run import OUTSIDE
+from cosim.cli.shipped_names import ScenarioArgument
 
 if TYPE_CHECKING:
     from cosim.scenario import Scenario
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")],
+    scenario: ScenarioArgument,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,

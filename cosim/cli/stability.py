@@ -7,10 +7,11 @@ from typing import Annotated
 import typer
 
 from cosim.cli.run import OUTSIDE
+from cosim.cli.shipped_names import ScenarioArgument
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="name of a shipped scenario, or a TOML file")],
+    scenario: ScenarioArgument,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change a value; may be repeated")
     ] = None,

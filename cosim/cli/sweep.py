@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.cli.folder import TableFormat
+from cosim.cli.shipped_names import SweepArgument
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    spec: Annotated[str, typer.Argument(help="name of a shipped sweep, or a TOML file")],
+    spec: SweepArgument,
     workers: Annotated[int | None, typer.Option(min=1, help="worker processes (default: one a core)")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="scheduler of an existing Dask cluster")] = None,
     out: Annotated[

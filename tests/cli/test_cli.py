@@ -39,10 +39,16 @@ def test_help_answers_at_once():
     assert min(times) < 0.3, times
 
 
-def test_the_help_names_version_and_completion_and_a_shell_gets_both_kinds_of_words():
+def test_the_help_names_version_and_completion_and_a_shell_gets_every_kind_of_word():
     told = cosim("--help").stdout
     assert "--version" in told and "--install-completion" in told and "--show-completion" in told
-    for typed, count, wanted in (("cosim stab", 1, "stability"), ("cosim run --allow", 2, "--allow-outside")):
+    expected = (
+        ("cosim stab", 1, "stability"),
+        ("cosim run --allow", 2, "--allow-outside"),
+        ("cosim show sallam-u", 2, "sallam-unstable"),
+        ("cosim sweep gain-d", 2, "gain-delay"),
+    )
+    for typed, count, wanted in expected:
         asked = {"_COSIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(count)}
         assert cosim(**asked).stdout.split() == [wanted]
 

@@ -20,14 +20,14 @@ import numpy as np
 from attrs import evolve
 
 from cosim.engine.master import Result, Timetable
-from cosim.engine.native import Arena, NativeOperation, NativePhase, check_layout
+from cosim.engine.native import Arena, check_layout
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
 from cosim.signals import stem
 from cosim.sweeps.lane import HELD, Feed, LaneComponent, LanePlaces, LaneSetting
 from cosim.wiring import Wiring
-from cosim.wiring.schedule import GetOutputs, Operation, Phase, Record, SetInputs, seconds
+from cosim.wiring.schedule import GetOutputs, SetInputs, Step, seconds
 
 _ARM_LAW = {
     *("pi", "mounting", "payload", "base_tilt", "gravity_compensation", "workspace_limits", "internal_steps"),
@@ -62,12 +62,29 @@ class _NativeComponent(ctypes.Structure):
     ]
 
 
+class _NativeWire(ctypes.Structure):
+    _fields_ = [("to", c_int64), ("source", c_int64), ("newer", c_int64), ("older", c_int64), ("span", c_double)]
+
+
+class _NativeAct(ctypes.Structure):
+    _fields_ = [
+        ("component", c_int64),
+        ("steps", c_int64),
+        ("wires", c_void_p),
+        ("n_held", c_int64),
+        ("n_wires", c_int64),
+    ]
+
+
+class _NativeTurn(ctypes.Structure):
+    _fields_ = [("acts", c_void_p), ("n_acts", c_int64), ("columns", c_void_p)]
+
+
 class _NativeBatch(ctypes.Structure):
     _fields_ = [
         ("components", c_void_p),
         ("n_components", c_int64),
-        ("phases", c_void_p),
-        ("n_phases", c_int64),
+        ("turns", c_void_p),
         ("store", c_void_p),
         ("n_places", c_int64),
         ("table", c_void_p),
@@ -93,8 +110,9 @@ def _library() -> ctypes.CDLL:
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     """A compiled fmu_src/kernel with the types of its functions. Raises ImportError where its structs are others."""
     mirrors = {
-        "Operation": NativeOperation,
-        "Phase": NativePhase,
+        "Wire": _NativeWire,
+        "Act": _NativeAct,
+        "Turn": _NativeTurn,
         "Component": _NativeComponent,
         "Job": _NativeBatch,
     }
@@ -259,13 +277,12 @@ class _Call:
     def _job(self) -> _NativeBatch:
         schedule = self.wiring.schedule
         components = (_NativeComponent * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
-        phases = [self._phase(odd) for odd in (0, 1)]
+        turns = (_NativeTurn * 2)(self._turn(0), self._turn(1))
         work = self.arena.aligned(np.zeros(len(self.parts) * int(_library().part_size()) // 8))
         return _NativeBatch(
             self.arena.structures(components),
             len(self.parts),
-            self.arena.phases(phases, self.timetable.columns, schedule.step_ns),
-            len(phases),
+            self.arena.structures(turns),
             self.arena.aligned(np.zeros(2 * self.places.count * self.width)),
             self.places.count,
             self.arena.array(self.table),
@@ -280,13 +297,13 @@ class _Call:
             work,
         )
 
-    def _phase(self, odd: int) -> Phase:
+    def _turn(self, odd: int) -> _NativeTurn:
         """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the
         half of the store where the values before the newest were, so it needs no operation to get them.
         """
         schedule, n = self.wiring.schedule, self.wiring.schedule.outputs
         half = np.full(n, odd)  # in which the newest value of an output lies
-        operations: list[Operation] = []
+        acts: list[_NativeAct] = []
 
         def lie(places: np.ndarray) -> np.ndarray:
             return self.places.at[places % n] + (half[places % n] + places // n) % 2 * self.places.count
@@ -295,11 +312,21 @@ class _Call:
             if isinstance(o, GetOutputs):
                 half[schedule.offset[o.component] :][: schedule.count[o.component]] = 1 - odd
             elif isinstance(o, SetInputs):
-                line = np.array(self.parts[o.component].places(self.parts[o.component].inputs))[o.line]
-                operations.append(evolve(o, source=lie(o.source), line=line, newer=lie(o.newer), older=lie(o.older)))
-            else:
-                operations.append(o)
-        return Phase(tuple(operations), Record(lie(schedule.phases[0].record.source)))
+                acts.append(self._wired(o, lie))
+            elif isinstance(o, Step):
+                acts.append(_NativeAct(component=o.component, steps=1))
+        columns = self.arena.indices(lie(schedule.phases[0].record.source)[self.timetable.columns])
+        return _NativeTurn(self.arena.structures((_NativeAct * len(acts))(*acts)), len(acts), columns)
+
+    def _wired(self, o: SetInputs, lie: Callable[[np.ndarray], np.ndarray]) -> _NativeAct:
+        """The wires of a component, held ones first; `lie` gives the kernel's places."""
+        part = self.parts[o.component]
+        to, source = part.places(part.inputs), lie(o.source).tolist()
+        lines = dict(zip(o.line.tolist(), zip(lie(o.newer).tolist(), lie(o.older).tolist(), o.span.tolist())))
+        held = [_NativeWire(to[i], source[i], 0, 0, 1.0) for i in range(len(to)) if i not in lines]
+        wires = [*held, *(_NativeWire(to[i], source[i], *line) for i, line in lines.items())]
+        array = self.arena.structures((_NativeWire * len(wires))(*wires))
+        return _NativeAct(component=o.component, wires=array, n_held=len(held), n_wires=len(wires))
 
     def _component(self, i: int) -> _NativeComponent:
         part, kind = self.parts[i], _kinds(_library())[self.parts[i].model]

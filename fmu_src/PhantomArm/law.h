@@ -138,8 +138,9 @@ static inline void arm_weight(const PhantomArmModel *m, const ArmPose *p, real g
 
 /* What moves the links beside their joints: balance = torque + J' (f + f_contact) - C dq - N (N m), in place. */
 static inline void arm_add_load(const PhantomArmModel *m, const ArmPose *p, const real dq[3], real torque[3]) {
-    real outside[3], coriolis[3], gravity[3];
-    arm_torque_of_force(p, m->f, outside);
+    const real none = real_of(0.0);
+    real outside[3] = {none, none, none}, coriolis[3], gravity[3];
+    if (any((m->f[0] != 0.0) | (m->f[1] != 0.0) | (m->f[2] != 0.0))) arm_torque_of_force(p, m->f, outside);
     arm_coriolis(m->body, p, dq, coriolis);
     arm_weight(m, p, gravity);
     for (int i = 0; i < 3; i++) torque[i] = torque[i] + outside[i] - coriolis[i] - gravity[i];

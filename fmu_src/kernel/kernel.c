@@ -9,6 +9,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Laws work in registers: every function that is inline is put where it is called, whatever the compiler thinks of its size. */
+#ifdef __clang__
+#pragma clang diagnostic ignored "-Wkeyword-macro"
+#endif
+#define inline inline __attribute__((always_inline))
+
 #include "PLikeController_model.h"
 #include "PhantomArm_model.h"
 #include "VariableDelayChannel_model.h"
@@ -17,7 +23,6 @@
 #include "../PhantomArm/law.h"
 #include "../VariableDelayChannel/law.h"
 #include "../shared/layout.h"
-#include "../shared/schedule.h"
 
 #define MOST_STATES ARM_PLAIN_STATES
 #include "../shared/runge_kutta.h"
@@ -48,14 +53,28 @@ static const struct {
     FIELD(int64_t, n_starts) FIELD(const int64_t *, started) FIELD(const real *, starts) /* instead of the table's */ \
     FIELD(const double *const *, series) /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES][n + 1][n_outputs] */ \
     FIELD(const int64_t *, series_step)  /* [LANES] 1, or 0 where the series is one constant row */ \
-    FIELD(double *, history)  /* CHANNEL: [capacity][LANES][n_inputs], wired inputs only */ \
+    FIELD(double *, history)  /* CHANNEL: [LANES][capacity][n_inputs], wired inputs only */ \
     FIELD(double *, stamps)   /* CHANNEL: [capacity] */ \
     FIELD(int64_t, capacity)  /* a power of two, above the longest delay in steps + 4 */
+
+/* A wired input, numbered by its value reference: held at a place of the store, or from there along the line through the
+ * places `older` and `newer`, `span` seconds apart. */
+#define WIRE(FIELD) \
+    FIELD(int64_t, to) FIELD(int64_t, source) FIELD(int64_t, newer) FIELD(int64_t, older) FIELD(double, span)
+
+/* What is done in a communication step, in order: the inputs of a component are set (those on lines last), or it steps. */
+#define ACT(FIELD) \
+    FIELD(int64_t, component) FIELD(int64_t, steps) \
+    FIELD(const Wire *, wires) FIELD(int64_t, n_held) FIELD(int64_t, n_wires)
+
+/* An even or an odd communication step: acts, and the places that its row is taken from. */
+#define TURN(FIELD) \
+    FIELD(const Act *, acts) FIELD(int64_t, n_acts) FIELD(const int64_t *, columns)
 
 /* A run of LANES scenarios. */
 #define JOB(FIELD) \
     FIELD(const Component *, components) FIELD(int64_t, n_components) \
-    FIELD(const Phase *, phases)         FIELD(int64_t, n_phases) \
+    FIELD(const Turn *, turns)  /* [2] */ \
     FIELD(real *, store) FIELD(int64_t, n_places) /* [2][n_places]: outputs after even steps, after odd ones */ \
     FIELD(double *, table) /* [LANES][rows][n_columns] */ \
     FIELD(int64_t, rows) FIELD(int64_t, n_columns) FIELD(int64_t, every) FIELD(int64_t, steps) \
@@ -67,9 +86,17 @@ static const struct {
 /* clang-format on */
 
 LAYOUT(Component, COMPONENT)
+LAYOUT(Wire, WIRE)
+LAYOUT(Act, ACT)
+LAYOUT(Turn, TURN)
 LAYOUT(Job, JOB)
 LAYOUT_SHOWN(Component, COMPONENT)
+LAYOUT_SHOWN(Wire, WIRE)
+LAYOUT_SHOWN(Act, ACT)
+LAYOUT_SHOWN(Turn, TURN)
 LAYOUT_SHOWN(Job, JOB)
+
+enum { CHANNEL_INPUTS = 6 };
 
 /* A component at work, in all lanes. */
 typedef struct {
@@ -79,11 +106,17 @@ typedef struct {
         VariableDelayChannelModel channel;
     } model;
     real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
-    const int64_t *lines;                                    /* ARM: [n_lines] their numbers */
+    const Wire *lines;                                       /* ARM: [n_lines] */
     int64_t n_lines;
     double moved; /* ARM: s, how far along */
     ArmPose pose; /* ARM: of the state */
     int64_t head; /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
+    /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
+    int64_t at[LANES];
+    real delay, next_stamp, next[CHANNEL_INPUTS];
+    int64_t known;  /* CHANNEL: whether they are those of record at + 1 in every lane */
+    int64_t varies; /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */
+    int64_t alike;  /* SERIES: whether all lanes have the same numbers */
 } Part;
 
 EXPORTED int64_t lanes(void) {
@@ -106,12 +139,6 @@ static inline real *values_of(Part *a) {
     return (real *)&a->model;
 }
 
-static inline real load(const double p[LANES]) {
-    real r;
-    memcpy(&r, p, sizeof r);
-    return r;
-}
-
 /* Number k of each lane's own numbers. */
 static inline real gathered(const double *const *p, int64_t k) {
     real r;
@@ -123,10 +150,11 @@ static inline real gathered(const double *const *p, int64_t k) {
 
 /* u(t_n + offset) = u(t_n) + slope offset, inputs along lines. */
 static inline void move_inputs(Part *a, double offset) {
-    const int64_t *lines = a->lines, n = a->n_lines;
+    const Wire *lines = a->lines;
+    const int64_t n = a->n_lines;
     real *values = values_of(a);
     if (offset == a->moved) return;
-    for (int64_t k = 0; k < n; k++) values[lines[k]] = a->from[k] + a->slopes[k] * offset;
+    for (int64_t k = 0; k < n; k++) values[lines[k].to] = a->from[k] + a->slopes[k] * offset;
     a->moved = offset;
 }
 
@@ -180,7 +208,7 @@ static inline int64_t shown(int64_t input) {
 
 /* A lane's wired inputs in record k of the samples entered. */
 static inline double *past(const Component *c, int64_t k, int lane) {
-    return c->history + ((k & (c->capacity - 1)) * LANES + lane) * c->n_inputs;
+    return c->history + (lane * c->capacity + (k & (c->capacity - 1))) * c->n_inputs;
 }
 
 static inline void enter(Part *a, const Component *c, double stamp) {
@@ -205,29 +233,65 @@ static inline int64_t find(const Component *c, int64_t newest, double target, do
     return k;
 }
 
+/* Stamp and inputs, in every lane, of the record that follows the one shown. */
+static inline void look_ahead(Part *a, const Component *c, int64_t newest) {
+    const double *rows[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t k = a->at[lane], beyond = k + (k < newest);
+        rows[lane] = past(c, beyond, lane), LANE(a->next_stamp, lane) = stamp(c, beyond);
+    }
+    for (int64_t i = 0; i < c->n_inputs; i++) a->next[i] = gathered(rows, i);
+}
+
+/* Every lane looks for the last record whose stamp is at most its target: stamp and inputs of that. */
+static real seek(Part *a, const Component *c, int64_t newest, real target, double rate, real *inputs) {
+    const double *rows[LANES];
+    real from;
+    a->known = 1;
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t k = find(c, newest, LANE(target, lane), LANE(a->delay, lane), rate);
+        a->at[lane] = k, a->known = a->known && k < newest;
+        rows[lane] = past(c, k, lane), LANE(from, lane) = stamp(c, k);
+    }
+    for (int64_t i = 0; i < c->n_inputs; i++) inputs[i] = gathered(rows, i);
+    look_ahead(a, c, newest);
+    return from;
+}
+
+/* Moves every lane to that record: by one where that is right in all of them, as it is where delays are constant. */
+static inline real advance(Part *a, const Component *c, int64_t newest, real target, double rate, real *inputs) {
+    const real reached = a->next_stamp;
+    if (a->known) {
+        for (int64_t i = 0; i < c->n_inputs; i++) inputs[i] = a->next[i];
+        for (int lane = 0; lane < LANES; lane++) a->at[lane]++;
+        look_ahead(a, c, newest);
+        if (all((reached <= target + RING_SAME) & (a->next_stamp > target + RING_SAME))) return reached;
+    }
+    return seek(a, c, newest, target, rate, inputs);
+}
+
 /* d is read at receive time. */
+static inline void read_delays(Part *a, const Component *c, int64_t done) {
+    for (int lane = 0; lane < LANES; lane++) LANE(a->delay, lane) = c->series[lane][done * c->series_step[lane]];
+}
+
 static void step_channel(Part *a, const Component *component, int64_t done, double t, double size, real *out) {
     const Component copy = *component, *c = &copy;
     const int64_t newest = a->head;
-    const double rate = 1.0 / size, *one[LANES], *next[LANES];
-    double delays[LANES], stamps[LANES], after[LANES];
+    real before[CHANNEL_INPUTS];
     enter(a, c, t);
-    for (int lane = 0; lane < LANES; lane++) delays[lane] = c->series[lane][(done + 1) * c->series_step[lane]];
+    if (a->varies) read_delays(a, c, done + 1);
     const VariableDelayChannelModel *m = &a->model.channel;
-    const real target = channel_target(m->semantics, t, load(delays));
-    for (int lane = 0; lane < LANES; lane++) {
-        const int64_t k = find(c, newest, LANE(target, lane), delays[lane], rate), beyond = k + (k < newest);
-        stamps[lane] = stamp(c, k), after[lane] = stamp(c, beyond);
-        one[lane] = past(c, k, lane), next[lane] = past(c, beyond, lane);
-    }
-    const real from = load(stamps),
-               part = channel_part(m->semantics, m->interpolation, target - from, load(after) - from);
-    for (int64_t i = 0; i < c->n_inputs; i++)
-        out[shown(c->inputs[i])] = channel_between(gathered(one, i), gathered(next, i), part);
+    const real target = channel_target(m->semantics, t, a->delay);
+    const real from = advance(a, c, newest, target, 1.0 / size, before),
+               part = channel_part(m->semantics, m->interpolation, target - from, a->next_stamp - from);
+    for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = channel_between(before[i], a->next[i], part);
 }
 
 static void start_channel(Part *a, const Component *c, real *out) {
-    a->head = 0;
+    a->head = 0, a->known = 0, a->varies = 0;
+    for (int lane = 0; lane < LANES; lane++) a->varies = a->varies || c->series_step[lane];
+    read_delays(a, c, 0);
     enter(a, c, CHANNEL_BEFORE);
     enter(a, c, 0.0);
     for (int i = 0; i < 3; i++) out[i] = a->model.channel.u[i], out[3 + i] = a->model.channel.v[i];
@@ -235,10 +299,19 @@ static void start_channel(Part *a, const Component *c, real *out) {
 
 /* --- components --------------------------------------------------------------------------------------------------- */
 
-static void show_series(const Component *c, int64_t row, real *out) {
+static void show_series(const Component *c, int64_t row, int64_t alike, real *out) {
     const double *rows[LANES];
     for (int lane = 0; lane < LANES; lane++) rows[lane] = c->series[lane] + row * c->series_step[lane] * c->n_outputs;
-    for (int64_t k = 0; k < c->n_outputs; k++) out[k] = gathered(rows, k);
+    for (int64_t k = 0; k < c->n_outputs; k++) out[k] = alike ? real_of(rows[0][k]) : gathered(rows, k);
+}
+
+static void start_series(Part *a, const Component *c, real *out) {
+    a->alike = 1, a->varies = 0;
+    for (int lane = 0; lane < LANES; lane++) {
+        a->alike = a->alike && c->series[lane] == c->series[0];
+        a->varies = a->varies || c->series_step[lane];
+    }
+    show_series(c, 0, a->alike, out);
 }
 
 static void start(Part *a, const Component *c, real *out) {
@@ -249,7 +322,7 @@ static void start(Part *a, const Component *c, real *out) {
     else if (c->kind == CHANNEL)
         start_channel(a, c, out);
     else
-        show_series(c, 0, out);
+        start_series(a, c, out);
 }
 
 static void step(Part *a, const Component *c, int64_t done, double time, double size, real *out) {
@@ -259,28 +332,32 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
         controller_outputs(&a->model.controller, out, out + 3);
     else if (c->kind == CHANNEL)
         step_channel(a, c, done, time + size, size, out);
-    else
-        show_series(c, done + 1, out);
+    else if (a->varies)
+        show_series(c, done + 1, a->alike, out);
 }
 
 /* --- the schedule ------------------------------------------------------------------------------------------------- */
 
-/* Held, then along lines: for an arm to move along, for the others at the end of the step, where they read them. (Copies of
- * what an operation holds: a store of vectors might change it for all that the compiler knows.) */
-static void set_inputs(Part *a, const Component *c, const Operation *operation, const real *store, double size) {
-    const Operation o = *operation;
-    const int64_t *inputs = c->inputs, arm = c->kind == ARM;
+/* Held, then along lines: for an arm to move along, for the others at the end of the step, where they read them. */
+static inline void set_inputs(Part *a, const Act *act, int arm, const real *store, double size) {
+    const Wire *const wires = act->wires;
+    const int64_t n_held = act->n_held, n = act->n_wires;
     real *values = values_of(a);
-    for (int64_t i = 0; i < o.n_source; i++) values[inputs[i]] = store[o.source[i]];
-    for (int64_t i = 0; i < o.n_line; i++) {
-        const real slope = (store[o.newer[i]] - store[o.older[i]]) / o.span[i];
-        real *u = values + o.line[i];
-        if (arm)
-            a->from[i] = *u, a->slopes[i] = slope;
-        else
-            *u = *u + slope * size;
+    for (int64_t i = 0; i < n_held; i++) values[wires[i].to] = store[wires[i].source];
+    if (arm) {
+        for (int64_t i = n_held; i < n; i++) {
+            const Wire w = wires[i];
+            values[w.to] = a->from[i - n_held] = store[w.source];
+            a->slopes[i - n_held] = (store[w.newer] - store[w.older]) / w.span;
+        }
+        a->lines = wires + n_held, a->n_lines = n - n_held, a->moved = 0.0;
+    } else {
+        for (int64_t i = n_held; i < n; i++) {
+            const Wire w = wires[i];
+            const real slope = (store[w.newer] - store[w.older]) / w.span;
+            values[w.to] = store[w.source] + slope * size;
+        }
     }
-    a->lines = o.line, a->n_lines = o.n_line, a->moved = 0.0;
 }
 
 /* Outputs after `done` steps begin here. */
@@ -350,21 +427,21 @@ EXPORTED void run(Job *job, const int64_t *const *sources) {
     prepare(job, work);
     initialise(job, work, sources);
     for (int lane = 0; lane < LANES; lane++) job->outcome[lane] = 0, job->ended[lane] = job->steps;
-    record(job, job->phases[0].columns, 0);
+    record(job, job->turns[0].columns, 0);
     if (!watch(job, work, 0)) return;
     const double size = job->step_ns / 1e9;
     for (int64_t done = 0; done < job->steps; done++) {
-        const Phase *phase = job->phases + done % job->n_phases;
+        const Turn *turn = job->turns + done % 2;
         const double time = (double)done * job->step_ns / 1e9;
-        for (int64_t k = 0; k < phase->n_operations; k++) {
-            const Operation *o = phase->operations + k;
-            const Component *c = job->components + o->component;
-            if (o->kind == SET)
-                set_inputs(work + o->component, c, o, job->store, size);
+        for (int64_t k = 0; k < turn->n_acts; k++) {
+            const Act *act = turn->acts + k;
+            const Component *c = job->components + act->component;
+            if (act->steps)
+                step(work + act->component, c, done, time, size, outputs(job, c, done + 1));
             else
-                step(work + o->component, c, done, time, size, outputs(job, c, done + 1));
+                set_inputs(work + act->component, act, c->kind == ARM, job->store, size);
         }
-        if ((done + 1) % job->every == 0) record(job, phase->columns, done + 1);
+        if ((done + 1) % job->every == 0) record(job, turn->columns, done + 1);
         if (!watch(job, work, done + 1)) return;
     }
 }

@@ -13,6 +13,7 @@ from attrs import evolve
 
 from build_fmus.library import library_path, structs
 from build_fmus.sources import source_root
+from cosim.engine import compiled
 from cosim.engine.master import run
 from cosim.engine.native import NativePhase, check_layout
 from cosim.engine.outcome import Outcome
@@ -215,7 +216,7 @@ def test_structs_that_lie_otherwise_are_refused_before_anything_is_written():
     class Longer(ctypes.Structure):
         _fields_ = [*NativePhase._fields_[:2], ("other", ctypes.c_int64), *NativePhase._fields_[2:]]
 
-    library = kernel._library()
+    library = compiled._library()
     check_layout(library, {"Phase": NativePhase})
     with pytest.raises(ImportError, match="struct Phase: expected other at byte 16 .Longer., got columns at byte 16"):
         check_layout(library, {"Phase": Longer})

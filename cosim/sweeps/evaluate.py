@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
@@ -35,6 +36,9 @@ from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import OWN, Task
 from cosim.sweeps.spec import EVALUATOR_NAMES, SCENARIO
 from cosim.wiring import Wiring
+
+if TYPE_CHECKING:
+    from cosim.sweeps.kernel import TwinRuns
 
 EVALUATORS: Mapping[str, str] = {name: f"{OWN}:{name}" for name in EVALUATOR_NAMES}
 """Evaluators by the short names that a sweep's file uses."""
@@ -118,7 +122,7 @@ def simulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
             batches.setdefault(_batch_key(one.wiring), []).append(k)
     results: dict[int, PointResult] = {}
     for numbers in batches.values():
-        results |= zip(numbers, _by_kernel([setups[k] for k in numbers]))
+        results |= zip(numbers, _by_kernel([setups[k] for k in numbers], task.sign_level))
     return [results[k] if k in results else _by_fmus(one) for k, one in enumerate(setups)]
 
 
@@ -172,15 +176,13 @@ def _signals(wiring: Wiring) -> list[str]:
     )
 
 
-def _by_kernel(setups: Sequence[PointSetup]) -> list[PointResult]:
-    """Results of points whose scenarios the batch kernel runs together."""
-    from cosim.sweeps.kernel import run_batch
+def _by_kernel(setups: Sequence[PointSetup], sign_level: float | None) -> list[PointResult]:
+    """Results of points whose scenarios the batch kernel runs together; see `Sweep.sign_level`."""
+    from cosim.sweeps.kernel import run_pairs
 
-    wirings = [one.wiring for one in setups]
-    twins = [one.system.wiring(_twin(one.wiring)) for one in setups]
-    runs = run_batch([*wirings, *twins], _signals(wirings[0]))
-    pairs = zip(setups, runs[: len(setups)], runs[len(setups) :])
-    return [_replayed(one, result, _judged(one, result, twin)) for one, result, twin in pairs]
+    pairs = [(one.wiring, one.system.wiring(_twin(one.wiring))) for one in setups]
+    runs = run_pairs(pairs, _signals(pairs[0][0]), sign_level)
+    return [_replayed(one, found, _found(one, found)) for one, found in zip(setups, runs)]
 
 
 def _twin(wiring: Wiring) -> Scenario:
@@ -191,14 +193,15 @@ def _twin(wiring: Wiring) -> Scenario:
     return twin
 
 
-def _replayed(one: PointSetup, result: Result, found: PointResult) -> PointResult:
+def _replayed(one: PointSetup, runs: "TwinRuns", found: PointResult) -> PointResult:
     """What was found by the kernel; at points drawn for it, beside the largest relative difference to a run of the
     FMUs.
     """
     if not drawn(one.point):
         return found
-    again = run(one.scenario, one.system, record=list(result.signals))
-    return evolve(found, numbers={**found.numbers, "kernel_difference": difference(result, again)})
+    again = run(one.scenario, one.system, record=list(runs.result.signals))
+    apart = difference(runs.result, again, runs.growth is not None)
+    return evolve(found, numbers={**found.numbers, "kernel_difference": apart})
 
 
 def drawn(point: Point) -> bool:
@@ -209,15 +212,17 @@ def drawn(point: Point) -> bool:
     return int(point.key[:8], 16) % _REPLAY_EVERY == 0
 
 
-def difference(result: Result, other: Result) -> float:
+def difference(result: Result, other: Result, decided: bool = False) -> float:
     """Largest difference between the signals of two runs, each relative to the largest value of its signal.
 
-    Infinite for runs that ended differently.
+    Infinite for runs that ended differently. decided: the first one ended because its sign was known, and is compared
+    as far as it went.
     """
-    if len(result.time) != len(other.time) or result.outcome is not other.outcome:
+    count = len(result.time)
+    if count > len(other.time) or (not decided and (count < len(other.time) or result.outcome is not other.outcome)):
         return math.inf
     return max(
-        float(np.abs(values - other.signals[name]).max() / max(np.abs(values).max(), 1e-300))
+        float(np.abs(values - other.signals[name][:count]).max() / max(np.abs(values).max(), 1e-300))
         for name, values in result.signals.items()
     )
 
@@ -235,16 +240,27 @@ def _by_fmus(one: PointSetup) -> PointResult:
     return _judged(one, *runs)
 
 
+def _found(one: PointSetup, runs: "TwinRuns") -> PointResult:
+    """The result of a point that the kernel ran."""
+    if runs.growth is None:
+        return _judged(one, runs.result, runs.twin)
+    outcome = Outcome.GROWING if runs.growth[0] > 0.0 else Outcome.CONVERGED
+    return _point_result(one, runs.result, outcome, runs.growth)
+
+
 def _judged(one: PointSetup, result: Result, twin: Result) -> PointResult:
-    """The verdict on a run and its twin, the evidence for it, and the tracking error."""
+    """The verdict on a run and its twin."""
     verdict = judge(result, twin)
-    evidence = _evidence(one, verdict.outcome)
+    return _point_result(one, result, verdict.outcome, (verdict.growth_rate, *verdict.interval))
+
+
+def _point_result(one: PointSetup, result: Result, outcome: Outcome, growth: tuple[float, float, float]) -> PointResult:
+    """A verdict with the evidence for it, and the tracking error. growth: rate [1/s] with its interval."""
     apart = tracking(result)
     numbers = {"tracking_rmse": apart.total} if apart else {}
     numbers["simulated_time"] = float(result.time[-1])
-    return PointResult(
-        verdict.outcome.value, verdict.growth_rate, *verdict.interval, evidence.value, numbers, result.message
-    )
+    evidence = _evidence(one, outcome)
+    return PointResult(outcome.value, *growth, evidence.value, numbers, result.message)
 
 
 # --- evidence ---------------------------------------------------------------------------------------------------------

@@ -11,21 +11,30 @@ from __future__ import annotations
 import ctypes
 import time
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from ctypes import POINTER, c_char_p, c_double, c_int64, c_void_p
 from functools import cache
 
 import numpy as np
-from attrs import evolve
+from attrs import frozen
 
 from cosim.engine.master import Result, Timetable
-from cosim.engine.native import Arena, check_layout
+from cosim.engine.native import Arena
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
 from cosim.signals import stem
-from cosim.sweeps.lane import HELD, Feed, LaneComponent, LanePlaces, LaneSetting
+from cosim.sweeps.lane import Feed, LaneComponent, LanePlaces, LaneSetting
+from cosim.sweeps.native_kernel import (
+    NativeAct,
+    NativeComponent,
+    NativeJob,
+    NativeSign,
+    NativeTurn,
+    NativeWire,
+    kinds,
+    prepared,
+)
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import GetOutputs, SetInputs, Step, seconds
 
@@ -41,63 +50,9 @@ _CHANNEL_LAW = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
 _MOST_OUTPUTS = 12  # of a series
 _LEAST_BOUND = 1e5
 """The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
+_BLOCKS = 6  # of an envelope, SIGN_BLOCKS in fmu_src/kernel/sign.h
+_LOOKS = 4  # for the sign of a growth rate: at an eighth of the run, a quarter, a half, at its end
 _MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
-
-
-class _NativeComponent(ctypes.Structure):
-    _fields_ = [
-        ("kind", c_int64),
-        ("n_inputs", c_int64),
-        ("inputs", c_void_p),
-        ("n_outputs", c_int64),
-        ("first", c_int64),
-        ("n_starts", c_int64),
-        ("started", c_void_p),
-        ("starts", c_void_p),
-        ("series", c_void_p),
-        ("series_step", c_void_p),
-        ("history", c_void_p),
-        ("stamps", c_void_p),
-        ("capacity", c_int64),
-    ]
-
-
-class _NativeWire(ctypes.Structure):
-    _fields_ = [("to", c_int64), ("source", c_int64), ("newer", c_int64), ("older", c_int64), ("span", c_double)]
-
-
-class _NativeAct(ctypes.Structure):
-    _fields_ = [
-        ("component", c_int64),
-        ("steps", c_int64),
-        ("wires", c_void_p),
-        ("n_held", c_int64),
-        ("n_wires", c_int64),
-    ]
-
-
-class _NativeTurn(ctypes.Structure):
-    _fields_ = [("acts", c_void_p), ("n_acts", c_int64), ("columns", c_void_p)]
-
-
-class _NativeBatch(ctypes.Structure):
-    _fields_ = [
-        ("components", c_void_p),
-        ("n_components", c_int64),
-        ("turns", c_void_p),
-        ("store", c_void_p),
-        ("n_places", c_int64),
-        ("table", c_void_p),
-        ("rows", c_int64),
-        ("n_columns", c_int64),
-        ("every", c_int64),
-        ("steps", c_int64),
-        ("step_ns", c_double),
-        ("bound", c_double),
-        ("ended", c_void_p),
-        ("outcome", c_void_p),
-        ("work", c_void_p),
-    ]
 
 
 @cache
@@ -107,38 +62,9 @@ def _library() -> ctypes.CDLL:
     return prepared(ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *vectors()[1])))))
 
 
-def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
-    """A compiled fmu_src/kernel with the types of its functions. Raises ImportError where its structs are others."""
-    mirrors = {
-        "Wire": _NativeWire,
-        "Act": _NativeAct,
-        "Turn": _NativeTurn,
-        "Component": _NativeComponent,
-        "Job": _NativeBatch,
-    }
-    check_layout(library, mirrors)
-    library.run.argtypes = [POINTER(_NativeBatch), c_void_p]
-    library.run.restype = None
-    library.lanes.restype = library.part_size.restype = c_int64
-    library.model_name.argtypes = library.model_held.argtypes = [c_int64]
-    library.model_name.restype = library.model_held.restype = c_char_p
-    held = {name: library.model_held(kind).decode() for name, kind in _kinds(library).items() if name}
-    if held != {name: " ".join(vectors) for name, vectors in HELD.items()}:
-        raise ImportError(f"{library._name}: the store holds {held}, expected {HELD}: install the package again")
-    return library
-
-
 def lanes() -> int:
     """How many scenarios one call runs at once on this machine."""
     return int(_library().lanes())
-
-
-def _kinds(library: ctypes.CDLL) -> Mapping[str, int]:
-    """The kernel's numbers of its models; "" is a series."""
-    kinds: dict[str, int] = {}
-    while (name := library.model_name(len(kinds))) is not None:
-        kinds[name.decode()] = len(kinds)
-    return kinds | {"": len(kinds)}
 
 
 # --- does it apply? ---------------------------------------------------------------------------------------------------
@@ -213,18 +139,47 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     wirings: of scenarios with the same components, connections and experiment, each of which `refusal` accepts; record:
     signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
     """
+    return [result for result, _ in _runs(wirings, record, workers)]
+
+
+@frozen
+class TwinRuns:
+    """A run and its twin. growth: rate [1/s] with the ends of its interval, where its sign was decided on the way."""
+
+    result: Result
+    twin: Result
+    growth: tuple[float, float, float] | None = None
+
+
+def run_pairs(
+    pairs: Sequence[tuple[Wiring, Wiring]], record: Sequence[str], level: float | None = None
+) -> list[TwinRuns]:
+    """Runs and their twins; with a level only until the sign of the growth rate is decided (fmu_src/kernel/sign.h)."""
+    quantile = 0.0
+    if level is not None and lanes() > 1:
+        from scipy.special import stdtrit
+
+        quantile = float(stdtrit(_BLOCKS - 1, 0.5 + 0.5 * level))
+    runs = _runs([wiring for pair in pairs for wiring in pair], record, 1, quantile)
+    return [TwinRuns(result, twin, growth) for (result, growth), (twin, _) in zip(runs[::2], runs[1::2])]
+
+
+_LaneRun = tuple[Result, tuple[float, float, float] | None]
+
+
+def _runs(wirings: Sequence[Wiring], record: Sequence[str], workers: int, quantile: float = 0.0) -> list[_LaneRun]:
     alike, feed = LaneComponent.all(wirings[0]), _FEED
     settings = [LaneSetting.of(wiring, alike, feed) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
-    found = _each(lambda settings: _run_lanes(settings, record), tasks, workers)
+    found = _each(lambda settings: _run_lanes(settings, record, quantile), tasks, workers)
     results = {i: result for batch, some in zip(batches, found) for i, result in zip(batch, some)}
     return [results[i] for i in range(len(wirings))]
 
 
 def _each(
-    action: Callable[[list[LaneSetting]], list[Result]], tasks: Sequence[list[LaneSetting]], workers: int
-) -> list[list[Result]]:
+    action: Callable[[list[LaneSetting]], list[_LaneRun]], tasks: Sequence[list[LaneSetting]], workers: int
+) -> list[list[_LaneRun]]:
     """Results in the order of the tasks; without threads where one would do, for its memory and cache start cold."""
     if min(workers, len(tasks)) < 2:
         return [action(task) for task in tasks]
@@ -244,23 +199,24 @@ def _batches(settings: Sequence[LaneSetting]) -> list[list[int]]:
 _FEED = Feed()
 
 
-def _run_lanes(settings: Sequence[LaneSetting], record: Sequence[str]) -> list[Result]:
+def _run_lanes(settings: Sequence[LaneSetting], record: Sequence[str], quantile: float) -> list[_LaneRun]:
     began = time.perf_counter()
-    call = _Call(settings, record)
+    call = _Call(settings, record, quantile)
     _library().run(ctypes.byref(call.job), call.sources)
     wall = (time.perf_counter() - began) / len(settings)
-    return [call.result(lane, wall) for lane in range(len(settings))]
+    return [call.run(lane, wall) for lane in range(len(settings))]
 
 
 class _Call:
     """One call of the kernel: C's layout of up to `lanes()` settings, and the arrays that must outlive the call.
 
-    Lanes that are left over repeat the last setting; their results are not looked at.
+    Lanes that are left over repeat the last two settings (a run and its twin may not be parted); their results are not
+    looked at. quantile: Student's, for the sign of the growth of pairs of lanes; 0: they are no pairs.
     """
 
-    def __init__(self, settings: Sequence[LaneSetting], record: Sequence[str]) -> None:
-        self.settings, self.width = settings, lanes()
-        self.filled = list(settings) + [settings[-1]] * (self.width - len(settings))
+    def __init__(self, settings: Sequence[LaneSetting], record: Sequence[str], quantile: float = 0.0) -> None:
+        self.settings, self.width, self.quantile = settings, lanes(), quantile
+        self.filled = [*settings, *[*settings, *settings[-2:] * self.width][len(settings) : self.width]]
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
         self.places = LanePlaces.of(self.wiring, self.parts)
         self.experiment = self.wiring.scenario.experiment
@@ -269,17 +225,18 @@ class _Call:
         self.rows = self.experiment.rows
         self.table = np.empty((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
+        self.signs = (NativeSign * (self.width // 2))() if quantile else None
         self.job = self._job()
         place = {str(link.target): self.places.number[str(link.source)] for link in self.wiring.links}
         sources = [[place[f"{part.name}.{v}"] for v in part.inputs] for part in self.parts]
         self.sources = self.arena.pointers([self.arena.indices(places) for places in sources])
 
-    def _job(self) -> _NativeBatch:
+    def _job(self) -> NativeJob:
         schedule = self.wiring.schedule
-        components = (_NativeComponent * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
-        turns = (_NativeTurn * 2)(self._turn(0), self._turn(1))
+        components = (NativeComponent * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
+        turns = (NativeTurn * 2)(self._turn(0), self._turn(1))
         work = self.arena.aligned(np.zeros(len(self.parts) * int(_library().part_size()) // 8))
-        return _NativeBatch(
+        return NativeJob(
             self.arena.structures(components),
             len(self.parts),
             self.arena.structures(turns),
@@ -294,16 +251,35 @@ class _Call:
             self.experiment.bound,
             self.arena.array(self.ended),
             self.arena.array(self.outcome),
+            *self._looks(),
             work,
         )
 
-    def _turn(self, odd: int) -> _NativeTurn:
+    def _looks(self) -> tuple[int, int, int, int, float]:
+        """Where signs are kept, at which rows they are looked for, how many rates are followed, the quantile."""
+        if self.signs is None:
+            return 0, 0, 0, 0, 0.0
+        power = np.empty((len(self.signs), self.rows + 1))
+        power[:, 0] = 0.0
+        for sign, sums in zip(self.signs, power):
+            sign.power = self.arena.array(sums)
+        looks = [self.rows - 1 >> halved for halved in range(_LOOKS)]
+        rates = len(self._rates("dq"))
+        return self.arena.structures(self.signs), self.arena.indices(looks), len(looks), rates, self.quantile
+
+    def _rates(self, kind: str) -> np.ndarray:
+        """Places among the schedule's outputs of the joint rates ("dq") or angles ("q") of all arms."""
+        arms = {part.name for part in self.parts if part.model == "PhantomArm"}
+        wanted = (name.partition(".") for name in self.wiring.signals)
+        return np.flatnonzero([head in arms and stem(tail) == kind for head, _, tail in wanted])
+
+    def _turn(self, odd: int) -> NativeTurn:
         """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the
         half of the store where the values before the newest were, so it needs no operation to get them.
         """
         schedule, n = self.wiring.schedule, self.wiring.schedule.outputs
         half = np.full(n, odd)  # in which the newest value of an output lies
-        acts: list[_NativeAct] = []
+        acts: list[NativeAct] = []
 
         def lie(places: np.ndarray) -> np.ndarray:
             return self.places.at[places % n] + (half[places % n] + places // n) % 2 * self.places.count
@@ -314,23 +290,25 @@ class _Call:
             elif isinstance(o, SetInputs):
                 acts.append(self._wired(o, lie))
             elif isinstance(o, Step):
-                acts.append(_NativeAct(component=o.component, steps=1))
-        columns = self.arena.indices(lie(schedule.phases[0].record.source)[self.timetable.columns])
-        return _NativeTurn(self.arena.structures((_NativeAct * len(acts))(*acts)), len(acts), columns)
+                acts.append(NativeAct(component=o.component, steps=1))
+        row = lie(schedule.phases[0].record.source)
+        chosen = (self.timetable.columns, self._rates("dq"), self._rates("q"))
+        array = self.arena.structures((NativeAct * len(acts))(*acts))
+        return NativeTurn(array, len(acts), *(self.arena.indices(row[places]) for places in chosen))
 
-    def _wired(self, o: SetInputs, lie: Callable[[np.ndarray], np.ndarray]) -> _NativeAct:
+    def _wired(self, o: SetInputs, lie: Callable[[np.ndarray], np.ndarray]) -> NativeAct:
         """The wires of a component, held ones first; `lie` gives the kernel's places."""
         part = self.parts[o.component]
         to, source = part.places(part.inputs), lie(o.source).tolist()
         lines = dict(zip(o.line.tolist(), zip(lie(o.newer).tolist(), lie(o.older).tolist(), o.span.tolist())))
-        held = [_NativeWire(to[i], source[i], 0, 0, 1.0) for i in range(len(to)) if i not in lines]
-        wires = [*held, *(_NativeWire(to[i], source[i], *line) for i, line in lines.items())]
-        array = self.arena.structures((_NativeWire * len(wires))(*wires))
-        return _NativeAct(component=o.component, wires=array, n_held=len(held), n_wires=len(wires))
+        held = [NativeWire(to[i], source[i], 0, 0, 1.0) for i in range(len(to)) if i not in lines]
+        wires = [*held, *(NativeWire(to[i], source[i], *line) for i, line in lines.items())]
+        array = self.arena.structures((NativeWire * len(wires))(*wires))
+        return NativeAct(component=o.component, wires=array, n_held=len(held), n_wires=len(wires))
 
-    def _component(self, i: int) -> _NativeComponent:
-        part, kind = self.parts[i], _kinds(_library())[self.parts[i].model]
-        native = _NativeComponent(
+    def _component(self, i: int) -> NativeComponent:
+        part, kind = self.parts[i], kinds(_library())[self.parts[i].model]
+        native = NativeComponent(
             kind=kind,
             n_inputs=len(part.inputs),
             inputs=self.arena.indices(part.places(part.inputs)),
@@ -345,7 +323,7 @@ class _Call:
             self._give_history(native, i)
         return native
 
-    def _give_starts(self, native: _NativeComponent, i: int) -> None:
+    def _give_starts(self, native: NativeComponent, i: int) -> None:
         """Start values that any lane gives, of every lane."""
         parts = [setting.parts[i] for setting in self.filled]
         names = list(dict.fromkeys(name for part in parts for name in part.starts))
@@ -356,12 +334,12 @@ class _Call:
         """The series of every lane; empty where the component has none."""
         return [series for setting in self.filled if (series := setting.series[i]) is not None]
 
-    def _give_series(self, native: _NativeComponent, i: int) -> None:
+    def _give_series(self, native: NativeComponent, i: int) -> None:
         series = self._series(i)
         native.series = self.arena.pointers([self.arena.array(values) for values in series])
         native.series_step = self.arena.indices([int(len(values) > 1) for values in series])
 
-    def _give_history(self, native: _NativeComponent, i: int) -> None:
+    def _give_history(self, native: NativeComponent, i: int) -> None:
         """Room for the samples that the longest delay reaches back to, or for all of the run."""
         longest = max(float(values.max()) for values in self._series(i))
         steps = min(int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns)), self.experiment.steps)
@@ -369,10 +347,16 @@ class _Call:
         native.history = self.arena.array(np.zeros((native.capacity, self.width, max(1, native.n_inputs))))
         native.stamps = self.arena.array(np.zeros(native.capacity))
 
-    def result(self, lane: int, wall: float) -> Result:
+    def run(self, lane: int, wall: float) -> _LaneRun:
+        """What became of a lane, and its growth where the sign was decided."""
+        sign = self.signs[lane // 2] if self.signs else None
+        growth = (sign.rate, sign.low, sign.high) if sign and sign.sign else None
+        return self._result(lane, wall), growth
+
+    def _result(self, lane: int, wall: float) -> Result:
         """The result of a lane, worded as the co-simulation would."""
         ended, steps = int(self.ended[lane]), self.experiment.steps
-        outcome = (None, Outcome.DIVERGED, Outcome.DOMAIN_EXIT)[self.outcome[lane]]
+        outcome = (None, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, None)[self.outcome[lane]]
         at = seconds(ended, self.wiring.schedule.step_ns)
         message = {
             Outcome.DIVERGED: f"a value passed {self.experiment.bound:g} at t = {at:.9g} s",

@@ -38,13 +38,14 @@ Answer = tuple[tuple[Point, ...], tuple[PointResult, ...]]
 @frozen
 class Task:
     """What an evaluator needs besides the points: scenario, fixed values, effects file, folder that file names start
-    from.
+    from, the level at which the sign of a growth rate ends a run.
     """
 
     evaluator: str
     scenario: str
     set: Mapping[str, object] = field(factory=dict)
     effects: str | None = None
+    sign_level: float | None = None
 
 
 def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[PointResult]]:

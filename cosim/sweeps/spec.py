@@ -216,6 +216,7 @@ _KINDS: Mapping[str, tuple[type, str]] = {
     "axes": (list, "tables [[axes]]"),
     "set": (dict, "a table [set]"),
     "curves": (list, "a list of names"),
+    "sign_level": (float, "a number between 0.5 and 1"),
     **dict.fromkeys(("name", "scenario", "title", "description", "evaluator", "effects"), (str, "a text")),
 }
 CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
@@ -247,6 +248,9 @@ class Sweep:
     """Theory curves to draw over a map."""
     effects: str | None = None
     """An effects file of `close-loop` that is applied at every point."""
+    sign_level: float | None = None
+    """Runs of the batch kernel end as soon as the sign of the growth rate is decided at this level, 0.95 say; a point
+    is then `converged` or `growing`, its rate that of the envelope so far. Without it every run goes on to the end."""
     folder: Path = field(default=Path(), eq=False)
     changes: Mapping[str, object] = field(factory=dict, eq=False)
 
@@ -328,6 +332,8 @@ def parse_sweep(table: Mapping[str, Any], path: Path) -> Sweep:
         advice = did_you_mean(str(evaluator), EVALUATOR_NAMES) or "name a file of your own with --evaluator FILE.py"
         expected = " or ".join(map(repr, EVALUATOR_NAMES))
         problems.append(Problem(f"{path.name}: evaluator", expected, repr(evaluator), advice))
+    if not 0.5 < body.get("sign_level", 0.95) < 1.0:
+        problems.append(Problem(f"{path.name}: sign_level", "a number between 0.5 and 1", repr(body["sign_level"])))
     if "scenario" not in body:
         problems.append(Problem(f"{path.name}: scenario", "the name of a scenario", "nothing"))
     if unknown := [c for c in body.get("curves", ()) if c not in CURVES]:

@@ -23,6 +23,7 @@
 #include "../PhantomArm/law.h"
 #include "../VariableDelayChannel/law.h"
 #include "../shared/layout.h"
+#include "sign.h"
 
 #define MOST_STATES ARM_PLAIN_STATES
 #include "../shared/runge_kutta.h"
@@ -67,9 +68,11 @@ static const struct {
     FIELD(int64_t, component) FIELD(int64_t, steps) \
     FIELD(const Wire *, wires) FIELD(int64_t, n_held) FIELD(int64_t, n_wires)
 
-/* An even or an odd communication step: acts, and the places that its row is taken from. */
+/* An even or an odd communication step: acts, and the places that its row is taken from, and those of all joint rates and
+ * angles. */
 #define TURN(FIELD) \
-    FIELD(const Act *, acts) FIELD(int64_t, n_acts) FIELD(const int64_t *, columns)
+    FIELD(const Act *, acts) FIELD(int64_t, n_acts) FIELD(const int64_t *, columns) \
+    FIELD(const int64_t *, rates) FIELD(const int64_t *, angles)
 
 /* A run of LANES scenarios. */
 #define JOB(FIELD) \
@@ -80,7 +83,10 @@ static const struct {
     FIELD(int64_t, rows) FIELD(int64_t, n_columns) FIELD(int64_t, every) FIELD(int64_t, steps) \
     FIELD(double, step_ns) FIELD(double, bound) \
     FIELD(int64_t *, ended)   /* [LANES] communication steps completed */ \
-    FIELD(int64_t *, outcome) /* [LANES] 0 ran through, 1 out of bounds, 2 domain left */ \
+    FIELD(int64_t *, outcome) /* [LANES] 0 ran through, 1 out of bounds, 2 domain left, 3 sign decided */ \
+    FIELD(Sign *, signs)      /* [LANES / 2] of lanes 2 k, a run, and 2 k + 1, its twin; NULL: none is looked for */ \
+    FIELD(const int64_t *, looks) FIELD(int64_t, n_looks) /* rows, in order */ \
+    FIELD(int64_t, n_rates) FIELD(double, quantile)       /* see sign.h */ \
     FIELD(void *, work)       /* [n_components] of part_size() bytes */
 
 /* clang-format on */
@@ -422,6 +428,39 @@ static int watch(Job *job, const Part *work, int64_t done) {
     return running;
 }
 
+/* The squared norm of the difference of two lanes' joint rates; the first lane's largest rates and angles are noted. */
+static double parted(const Job *job, const Turn *turn, int lane, Sign *sign) {
+    const real *store = job->store;
+    double square = 0;
+    for (int64_t i = 0; i < job->n_rates; i++) {
+        const double rate = LANE(store[turn->rates[i]], lane), angle = LANE(store[turn->angles[i]], lane);
+        const double apart = LANE(store[turn->rates[i]], lane + 1) - rate;
+        square += apart * apart;
+        sign->largest_rate = fabs(rate) > sign->largest_rate ? fabs(rate) : sign->largest_rate;
+        sign->largest_angle = fabs(angle) > sign->largest_angle ? fabs(angle) : sign->largest_angle;
+    }
+    return square;
+}
+
+/* A row of every pair that still runs; ends those whose sign is decided. Whether any lane still runs. */
+static int follow(Job *job, const Turn *turn, int64_t done) {
+    const double period = (double)job->every * job->step_ns / 1e9;
+    const int64_t row = done / job->every;
+    int look = 0, running = 0;
+    for (int64_t i = 0; i < job->n_looks; i++) look = look || job->looks[i] == row;
+    for (int lane = 0; lane + 1 < LANES; lane += 2) {
+        Sign *sign = job->signs + lane / 2;
+        if (job->outcome[lane] || job->outcome[lane + 1]) continue;
+        const int64_t full = sign->full;
+        if (!full) sign_follow(sign, parted(job, turn, lane, sign));
+        if (sign->full ? !full : look)
+            sign_look(sign, period, (double)(job->steps - done) * job->step_ns / 1e9, job->quantile);
+        if (sign->sign) job->outcome[lane] = job->outcome[lane + 1] = 3, job->ended[lane] = job->ended[lane + 1] = done;
+    }
+    for (int lane = 0; lane < LANES; lane++) running = running || !job->outcome[lane];
+    return running;
+}
+
 EXPORTED void run(Job *job, const int64_t *const *sources) {
     Part *work = job->work;
     prepare(job, work);
@@ -441,7 +480,9 @@ EXPORTED void run(Job *job, const int64_t *const *sources) {
             else
                 set_inputs(work + act->component, act, c->kind == ARM, job->store, size);
         }
-        if ((done + 1) % job->every == 0) record(job, turn->columns, done + 1);
+        const int recorded = (done + 1) % job->every == 0;
+        if (recorded) record(job, turn->columns, done + 1);
         if (!watch(job, work, done + 1)) return;
+        if (recorded && job->signs && !follow(job, turn, done + 1)) return;
     }
 }

@@ -6,11 +6,12 @@ with the FMUs. `cosimulation` always runs the FMUs. `spectrum` simulates nothing
 exact spectrum of the loop, linearised at its start pose. Loaded FMUs are kept for the next points.
 """
 
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from attrs import evolve, frozen
@@ -23,11 +24,11 @@ from cosim.analysis.linear_fmu import channel_bounds
 from cosim.analysis.linearisation import linearise
 from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import abscissa
-from cosim.analysis.twin import twin_of
+from cosim.analysis.twin import twin_of, twin_wiring
 from cosim.analysis.verdict import judge
 from cosim.engine.master import Result, run
 from cosim.engine.outcome import Outcome
-from cosim.errors import RunError
+from cosim.errors import InputError, RunError
 from cosim.fmu import FmuSet, describe, fmu_file, open_system
 from cosim.results.summary import tracking
 from cosim.scenario import Scenario, load_scenario, to_toml
@@ -35,6 +36,7 @@ from cosim.signals import stem
 from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import OWN, Task
 from cosim.sweeps.spec import EVALUATOR_NAMES, SCENARIO
+from cosim.sweeps.structure import of_structure
 from cosim.wiring import Wiring
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
 
 EVALUATORS: Mapping[str, str] = {name: f"{OWN}:{name}" for name in EVALUATOR_NAMES}
 """Evaluators by the short names that a sweep's file uses."""
+Twin = TypeVar("Twin", Scenario, Wiring)
 _RECORDED = ("q", "dq", "x", "saturated")
 _REPLAY_EVERY = 200
 """One in so many of the kernel's points is run by the FMUs too."""
@@ -69,9 +72,20 @@ def setup(task: Task, point: Point) -> PointSetup:
 
 def _at(task: Task, point: Point) -> tuple[Scenario, FmuSet]:
     """The scenario with the values of the sweep and of a point, and the FMUs that it is run with."""
-    scenario, system = _loaded(str(dict(point.values).get(SCENARIO, task.scenario)), task.effects)
+    name = str(dict(point.values).get(SCENARIO, task.scenario))
+    system = _loaded(name, task.effects)[1]
     values = {path: value for path, value in point.values if path != SCENARIO}
-    return scenario.with_values(dict(task.set) | values), system
+    try:
+        scenario = _fixed(name, task.effects, json.dumps(dict(task.set)))
+    except InputError:  # not without the point's own values
+        return _loaded(name, task.effects)[0].with_values(dict(task.set) | values), system
+    return scenario.with_values(values), system
+
+
+@lru_cache(maxsize=4)
+def _fixed(name: str, effects: str | None, values: str) -> Scenario:
+    """A scenario with the values of the sweep, which all its points share. values: JSON, in which tasks are passed."""
+    return _loaded(name, effects)[0].with_values(json.loads(values))
 
 
 @lru_cache(maxsize=4)
@@ -87,6 +101,7 @@ def check(task: Task, point: Point) -> str:
     What an earlier sweep has loaded is read anew: its files may have changed.
     """
     _loaded.cache_clear()
+    _fixed.cache_clear()
     wiring = setup(task, point).wiring
     others = {"cosimulation": "co-simulation of FMUs", "spectrum": "exact spectrum, no simulation"}
     if task.evaluator != EVALUATORS["simulation"]:
@@ -165,6 +180,7 @@ def _refusal(wiring: Wiring) -> str | None:
     return refusal(wiring, _signals(wiring))
 
 
+@of_structure
 def _signals(wiring: Wiring) -> list[str]:
     """The signals that the verdict and the tracking error are computed from."""
     names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED and not n.endswith(".saturated")]
@@ -180,13 +196,13 @@ def _by_kernel(setups: Sequence[PointSetup], sign_level: float | None) -> list[P
     """Results of points whose scenarios the batch kernel runs together; see `Sweep.sign_level`."""
     from cosim.sweeps.kernel import run_pairs
 
-    pairs = [(one.wiring, one.system.wiring(_twin(one.wiring))) for one in setups]
+    pairs = [(one.wiring, _with(twin_wiring, one.wiring)) for one in setups]
     runs = run_pairs(pairs, _signals(pairs[0][0]), sign_level)
     return [_replayed(one, found, _found(one, found)) for one, found in zip(setups, runs)]
 
 
-def _twin(wiring: Wiring) -> Scenario:
-    """The scenario of the twin run. Raises RunError where no arm has a start that could be moved."""
+def _with(twin_of: Callable[[Wiring], Twin | None], wiring: Wiring) -> Twin:
+    """The twin of a run. Raises RunError where no arm has a start that could be moved."""
     twin = twin_of(wiring)
     if twin is None:
         raise RunError(wiring.scenario.name, None, "no arm whose start could be moved: no growth rate")
@@ -233,7 +249,7 @@ def _by_fmus(one: PointSetup) -> PointResult:
     record = [
         n for n in dict.fromkeys(map(stem, wiring.signals)) if n.partition(".")[2] in _RECORDED or n == "operator.f"
     ]
-    runs = [run(scenario, one.system, record=record) for scenario in (one.scenario, _twin(wiring))]
+    runs = [run(scenario, one.system, record=record) for scenario in (one.scenario, _with(twin_of, wiring))]
     for result in runs:
         if result.failure is not None:
             raise result.failure

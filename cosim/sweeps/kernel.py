@@ -18,25 +18,24 @@ from functools import cache
 import numpy as np
 from attrs import frozen
 
-from cosim.engine.master import Result, Timetable
+from cosim.engine.master import Result
 from cosim.engine.native import Arena
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
 from cosim.signals import stem
 from cosim.sweeps.lane import Feed, LaneComponent, LanePlaces, LaneSetting
+from cosim.sweeps.lane_layout import LaneLayout, lane_layout
 from cosim.sweeps.native_kernel import (
-    NativeAct,
     NativeComponent,
     NativeJob,
     NativeSign,
-    NativeTurn,
-    NativeWire,
     kinds,
     prepared,
 )
+from cosim.sweeps.structure import of_structure
 from cosim.wiring import Wiring
-from cosim.wiring.schedule import GetOutputs, SetInputs, Step, seconds
+from cosim.wiring.schedule import seconds
 
 _ARM_LAW = {
     *("pi", "mounting", "payload", "base_tilt", "gravity_compensation", "workspace_limits", "internal_steps"),
@@ -74,18 +73,44 @@ def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
     """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
     if wiring.scenario.experiment.bound < _LEAST_BOUND:
         return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
+    found = _structure(wiring, tuple(record))
+    if found.reason is not None:
+        return found.reason
+    for part in found.parts:
+        if (reason := _unfit(part.starting(wiring), wiring)) is not None:
+            return f"{part.name}: {reason}"
+    return found.unseen
+
+
+@frozen
+class _Structure:
+    """What the kernel says to a wiring whatever its start values.
+
+    reason: why it does not apply; unseen: what it does not compute, which is said after what start values are unfit.
+    """
+
+    parts: tuple[LaneComponent, ...]
+    reason: str | None
+    unseen: str | None
+
+
+@of_structure
+def _structure(wiring: Wiring, record: tuple[str, ...]) -> _Structure:
+    parts = LaneComponent.all(wiring)
+    return _Structure(parts, _too_large(wiring, record), _unseen(wiring, parts, record))
+
+
+def _too_large(wiring: Wiring, record: Sequence[str]) -> str | None:
     kept = sum(name in record or stem(name) in record for name in wiring.signals)
     from build_fmus.library import vectors
 
-    if (size := 8 * vectors()[0] * kept * wiring.scenario.experiment.rows) > _MOST_BYTES:
-        return (
-            f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
-        )
-    parts = LaneComponent.all(wiring)
+    if (size := 8 * vectors()[0] * kept * wiring.scenario.experiment.rows) <= _MOST_BYTES:
+        return None
+    return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
+
+
+def _unseen(wiring: Wiring, parts: Sequence[LaneComponent], record: Sequence[str]) -> str | None:
     places = LanePlaces.of(wiring, parts)
-    for part in parts:
-        if (reason := _unfit(part, wiring)) is not None:
-            return f"{part.name}: {reason}"
     for link in wiring.links:
         if str(link.source) not in places.number:
             return f"{link.source} is wired, which the kernel does not compute"
@@ -168,11 +193,11 @@ _LaneRun = tuple[Result, tuple[float, float, float] | None]
 
 
 def _runs(wirings: Sequence[Wiring], record: Sequence[str], workers: int, quantile: float = 0.0) -> list[_LaneRun]:
-    alike, feed = LaneComponent.all(wirings[0]), _FEED
-    settings = [LaneSetting.of(wiring, alike, feed) for wiring in wirings]
+    layout = lane_layout(wirings[0], tuple(record))
+    settings = [LaneSetting.of(wiring, layout.parts, _FEED) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
-    found = _each(lambda settings: _run_lanes(settings, record, quantile), tasks, workers)
+    found = _each(lambda settings: _run_lanes(settings, layout, quantile), tasks, workers)
     results = {i: result for batch, some in zip(batches, found) for i, result in zip(batch, some)}
     return [results[i] for i in range(len(wirings))]
 
@@ -199,10 +224,10 @@ def _batches(settings: Sequence[LaneSetting]) -> list[list[int]]:
 _FEED = Feed()
 
 
-def _run_lanes(settings: Sequence[LaneSetting], record: Sequence[str], quantile: float) -> list[_LaneRun]:
+def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, quantile: float) -> list[_LaneRun]:
     began = time.perf_counter()
-    call = _Call(settings, record, quantile)
-    _library().run(ctypes.byref(call.job), call.sources)
+    call = _Call(settings, layout, quantile)
+    _library().run(ctypes.byref(call.job), layout.sources)
     wall = (time.perf_counter() - began) / len(settings)
     return [call.run(lane, wall) for lane in range(len(settings))]
 
@@ -214,32 +239,27 @@ class _Call:
     looked at. quantile: Student's, for the sign of the growth of pairs of lanes; 0: they are no pairs.
     """
 
-    def __init__(self, settings: Sequence[LaneSetting], record: Sequence[str], quantile: float = 0.0) -> None:
+    def __init__(self, settings: Sequence[LaneSetting], layout: LaneLayout, quantile: float) -> None:
+        self.layout, self.places, self.timetable = layout, layout.places, layout.timetable
         self.settings, self.width, self.quantile = settings, lanes(), quantile
         self.filled = [*settings, *[*settings, *settings[-2:] * self.width][len(settings) : self.width]]
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
-        self.places = LanePlaces.of(self.wiring, self.parts)
         self.experiment = self.wiring.scenario.experiment
-        self.timetable = Timetable.of(self.wiring, record)
         self.arena = Arena()
         self.rows = self.experiment.rows
         self.table = np.empty((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
         self.signs = (NativeSign * (self.width // 2))() if quantile else None
         self.job = self._job()
-        place = {str(link.target): self.places.number[str(link.source)] for link in self.wiring.links}
-        sources = [[place[f"{part.name}.{v}"] for v in part.inputs] for part in self.parts]
-        self.sources = self.arena.pointers([self.arena.indices(places) for places in sources])
 
     def _job(self) -> NativeJob:
         schedule = self.wiring.schedule
         components = (NativeComponent * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
-        turns = (NativeTurn * 2)(self._turn(0), self._turn(1))
         work = self.arena.aligned(np.zeros(len(self.parts) * int(_library().part_size()) // 8))
         return NativeJob(
             self.arena.structures(components),
             len(self.parts),
-            self.arena.structures(turns),
+            self.layout.turns,
             self.arena.aligned(np.zeros(2 * self.places.count * self.width)),
             self.places.count,
             self.arena.array(self.table),
@@ -264,47 +284,8 @@ class _Call:
         for sign, sums in zip(self.signs, power):
             sign.power = self.arena.array(sums)
         looks = [self.rows - 1 >> halved for halved in range(_LOOKS)]
-        rates = len(self._rates("dq"))
-        return self.arena.structures(self.signs), self.arena.indices(looks), len(looks), rates, self.quantile
-
-    def _rates(self, kind: str) -> np.ndarray:
-        """Places among the schedule's outputs of the joint rates ("dq") or angles ("q") of all arms."""
-        arms = {part.name for part in self.parts if part.model == "PhantomArm"}
-        wanted = (name.partition(".") for name in self.wiring.signals)
-        return np.flatnonzero([head in arms and stem(tail) == kind for head, _, tail in wanted])
-
-    def _turn(self, odd: int) -> NativeTurn:
-        """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the
-        half of the store where the values before the newest were, so it needs no operation to get them.
-        """
-        schedule, n = self.wiring.schedule, self.wiring.schedule.outputs
-        half = np.full(n, odd)  # in which the newest value of an output lies
-        acts: list[NativeAct] = []
-
-        def lie(places: np.ndarray) -> np.ndarray:
-            return self.places.at[places % n] + (half[places % n] + places // n) % 2 * self.places.count
-
-        for o in schedule.phases[0].operations:
-            if isinstance(o, GetOutputs):
-                half[schedule.offset[o.component] :][: schedule.count[o.component]] = 1 - odd
-            elif isinstance(o, SetInputs):
-                acts.append(self._wired(o, lie))
-            elif isinstance(o, Step):
-                acts.append(NativeAct(component=o.component, steps=1))
-        row = lie(schedule.phases[0].record.source)
-        chosen = (self.timetable.columns, self._rates("dq"), self._rates("q"))
-        array = self.arena.structures((NativeAct * len(acts))(*acts))
-        return NativeTurn(array, len(acts), *(self.arena.indices(row[places]) for places in chosen))
-
-    def _wired(self, o: SetInputs, lie: Callable[[np.ndarray], np.ndarray]) -> NativeAct:
-        """The wires of a component, held ones first; `lie` gives the kernel's places."""
-        part = self.parts[o.component]
-        to, source = part.places(part.inputs), lie(o.source).tolist()
-        lines = dict(zip(o.line.tolist(), zip(lie(o.newer).tolist(), lie(o.older).tolist(), o.span.tolist())))
-        held = [NativeWire(to[i], source[i], 0, 0, 1.0) for i in range(len(to)) if i not in lines]
-        wires = [*held, *(NativeWire(to[i], source[i], *line) for i, line in lines.items())]
-        array = self.arena.structures((NativeWire * len(wires))(*wires))
-        return NativeAct(component=o.component, wires=array, n_held=len(held), n_wires=len(wires))
+        where = self.arena.structures(self.signs), self.arena.indices(looks)
+        return *where, len(looks), len(self.layout.rates), self.quantile
 
     def _component(self, i: int) -> NativeComponent:
         part, kind = self.parts[i], kinds(_library())[self.parts[i].model]

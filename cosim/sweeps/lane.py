@@ -48,8 +48,14 @@ class LaneComponent:
             model if model in HELD else "",
             tuple(wiring.inputs(name)),
             tuple(wiring.outputs(name)),
-            dict(wiring.starts[name]),
+            wiring.starts[name],
             wiring.descriptions[name],
+        )
+
+    def starting(self, wiring: Wiring) -> LaneComponent:
+        """The component with the start values of a wiring of the same structure."""
+        return LaneComponent(
+            self.name, self.model, self.inputs, self.outputs, wiring.starts[self.name], self.description
         )
 
     @classmethod
@@ -115,7 +121,7 @@ class LaneSetting:
     @classmethod
     def of(cls, wiring: Wiring, alike: Sequence[LaneComponent], feed: Feed) -> LaneSetting:
         """The lane of a wiring whose components are `alike` but for their start values."""
-        parts = tuple(evolve(part, starts=wiring.starts[part.name]) for part in alike)
+        parts = tuple(part.starting(wiring) for part in alike)
         return cls(wiring, parts, tuple(_series(wiring, part, feed) for part in parts))
 
     @property

@@ -154,9 +154,11 @@ def _unfit(variable: Variable, value: object, where: str) -> Problem | None:
         digits = isinstance(value, str) and re.fullmatch(r"([0-9a-fA-F]{2})*", value)
         return None if digits else Problem(where, "bytes as hexadecimal digits, two a byte", repr(value))
     if variable.items and isinstance(value, str):
-        advice = did_you_mean(value, variable.items)
-        known = value in variable.items
-        return None if known else Problem(where, " or ".join(map(repr, variable.items)), repr(value), advice)
+        if value in variable.items:
+            return None
+        return Problem(
+            where, " or ".join(map(repr, variable.items)), repr(value), did_you_mean(value, variable.items)
+        )
     if not isinstance(value, (bool, int, float)) or not math.isfinite(value):
         return Problem(where, "a finite number", repr(value))
     return _unfit_number(variable, value, where)

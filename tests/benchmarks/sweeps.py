@@ -1,7 +1,7 @@
 """What sweeps cost: kernel against the fmpy loop, a second core, a map by brute force, a traced boundary, start-up,
 commands.
 
-    python -m tests.benchmarks.sweeps [--quick]
+    python -m tests.benchmarks.sweeps [--quick] [--agree]
 
 Processor seconds, so that a busy machine troubles all alike; wall-clock time beside where a user waits for it.
 """
@@ -25,7 +25,7 @@ from cosim.engine.master import run
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
-from cosim.sweeps.evaluate import EVALUATORS, _signals, setup
+from cosim.sweeps.evaluate import EVALUATORS, _signals, setup, simulation
 from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import LocalPool, Task
 from tests.benchmarks.engines import Workload, figure, fmpy_lists, machine, timed
@@ -42,6 +42,7 @@ format = 1
 title = "benchmark"
 description = "gain against delay, the paper's loop, 20 s"
 scenario = "sallam-nodelay"
+{level}
 [set]
 "experiment.stop" = 20.0
 "arm_*.q_start" = [0.0, 0.0, 0.0]
@@ -153,9 +154,11 @@ def repeated(count: int, folder: Path, *words: str) -> tuple[float, float, float
 
 
 def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, float]]:
-    (folder / "map.toml").write_text(SPEC.format(count=f"count = {count}", design="[grid]"))
+    grid = {"count": f"count = {count}", "design": "[grid]"}
+    (folder / "map.toml").write_text(SPEC.format(level="sign_level = 0.95", **grid))
+    (folder / "whole.toml").write_text(SPEC.format(level="", **grid))
     (folder / "traced.toml").write_text(
-        SPEC.format(count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6')
+        SPEC.format(level="", count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6')
     )
     swept = ("--workers", "2", "--no-report", "--out", "{out}")
     return [
@@ -168,13 +171,42 @@ def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, f
         ),
         ("boundary traced, two workers", *repeated(15, folder, "sweep", str(folder / "traced.toml"), *swept)),
         (f"map {count} x {count}, two workers", *repeated(3, folder, "sweep", str(folder / "map.toml"), *swept)),
+        ("the same, every run to its end", *repeated(3, folder, "sweep", str(folder / "whole.toml"), *swept)),
     ]
+
+
+def contradictions(count: int) -> tuple[int, int, list[str]]:
+    """Points of the map; those whose signs agree with and without `sign_level`; the others whose interval, run to the
+    end, leaves out zero.
+    """
+    base = {"evaluator": EVALUATORS["simulation"], "scenario": "sallam-nodelay", "set": PAPER}
+    gains, delays = np.linspace(0.1, 1.0, count), np.linspace(0.05, 0.8, count)
+    agreed, wrong = 0, []
+    for k in gains:
+        points = [Point((), (("controller_*.stiffness", float(k)), ("channel_*.delay_mean", float(d)))) for d in delays]
+        pairs = zip(points, simulation(Task(**base), points), simulation(Task(**base, sign_level=0.95), points))
+        for point, whole, early in pairs:
+            same = whole.growth_rate * early.growth_rate > 0
+            agreed += same
+            if not same and not whole.low <= 0.0 <= whole.high:
+                wrong.append(f"{point.values}: {whole.growth_rate:.4g} and {early.growth_rate:.4g} 1/s")
+    return count**2, agreed, wrong
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a 20 x 20 map and two rounds")
-    quick = parser.parse_args().quick
+    parser.add_argument("--agree", action="store_true", help="whether runs that end early have the signs of whole ones")
+    given = parser.parse_args()
+    quick = given.quick
+    if given.agree:
+        points, agreed, wrong = contradictions(20 if quick else 50)
+        print(
+            f"{points} points, {agreed} signs agree, {len(wrong)} contradict the interval of the whole run",
+            *wrong,
+            sep="\n",
+        )
+        return
     print(f"{machine()}{', `--quick`' if quick else ''}\n")
     with tempfile.TemporaryDirectory(prefix="cosim-bench-") as name:
         rows = parts(2 if quick else 5, Path(name))

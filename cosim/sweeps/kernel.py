@@ -129,7 +129,7 @@ def _unfit(part: LaneComponent, wiring: Wiring) -> str | None:
         return f"{own.kind if own.model else 'a foreign FMU'} feels what is wired into it"
     if not part.model:
         return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
-    return {"PhantomArm": _unfit_arm, "VariableDelayChannel": _unfit_channel}.get(part.model, _fit)(part)
+    return _UNFIT.get(part.model, _fit)(part)
 
 
 def _fit(part: LaneComponent) -> str | None:
@@ -153,6 +153,24 @@ def _unfit_channel(part: LaneComponent) -> str | None:
         return "its delay is recorded"
     wrong = [name for name, value in _CHANNEL_LAW.items() if part.number(name) != value]
     return f"its {wrong[0]} is not that of a plain time delay" if wrong else None
+
+
+def _unfit_operator(part: LaneComponent) -> str | None:
+    return "its stop_time is before its start_time" if part.number("stop_time") < part.number("start_time") else None
+
+
+def _unfit_environment(part: LaneComponent) -> str | None:
+    length = sum(part.number(f"normal[{i}]") ** 2 for i in (1, 2, 3))
+    return "its normal is zero" if part.choice("surface") == "wall" and length <= 1e-12 else None
+
+
+_UNFIT = {
+    "PhantomArm": _unfit_arm,
+    "VariableDelayChannel": _unfit_channel,
+    "Operator": _unfit_operator,
+    "Environment": _unfit_environment,
+}
+"""Start values that the FMUs refuse, or that the kernel does not compute, of each of its models."""
 
 
 # --- running ----------------------------------------------------------------------------------------------------------

@@ -18,10 +18,14 @@ HELD = {
     "PhantomArm": {"q_link": ("q",), "dq_link": ("dq",), "x_tip": ("x", "x_tip"), "dx_tip": ("dx", "dx_tip")},
     "PLikeController": {"f": ("f",), "tau": ("tau",)},
     "VariableDelayChannel": {"y": ("y",), "w": ("w",)},
+    "Operator": {"f": ("f",)},
+    "Environment": {"f": ("f",)},
 }
 """Models that the kernel has, which of their vectors its store holds, and the outputs that have the same values: an arm
 without effects measures what is.
 """
+_SERIES_ALONE = ("Operator",)
+"""Models of those whose outputs are computed beforehand where nothing is wired into them."""
 _NO_BOUND = 1e300
 _REMEMBERED = 64  # series of a feed
 
@@ -42,11 +46,11 @@ class LaneComponent:
 
     @classmethod
     def of(cls, wiring: Wiring, name: str) -> LaneComponent:
-        model = wiring.scenario.components[name].model or ""
+        model, inputs = wiring.scenario.components[name].model or "", tuple(wiring.inputs(name))
         return cls(
             name,
-            model if model in HELD else "",
-            tuple(wiring.inputs(name)),
+            model if model in HELD and not (model in _SERIES_ALONE and not inputs) else "",
+            inputs,
             tuple(wiring.outputs(name)),
             wiring.starts[name],
             wiring.descriptions[name],

@@ -4,7 +4,8 @@
  * compiled for vector lanes. Its own are lanes, store, schedule, histories and records. The schedule's operations and the
  * inputs along lines are those of shared/stepping.h and executor/executor.c in the same order of arithmetic: each lane has
  * the bits that the co-simulation of the FMUs has. Components: arms without effects, P-like controllers, channels with the
- * semantics "time_delay", and series (an operator that does not feel the arm), whose values the FMU computed beforehand.
+ * semantics "time_delay", operators whose hand feels the arm, environments, and series (what feels nothing), whose values the
+ * FMU computed beforehand.
  */
 #include <stddef.h>
 #include <stdint.h>
@@ -15,10 +16,14 @@
 #endif
 #define inline inline __attribute__((always_inline))
 
+#include "Environment_model.h"
+#include "Operator_model.h"
 #include "PLikeController_model.h"
 #include "PhantomArm_model.h"
 #include "VariableDelayChannel_model.h"
 
+#include "../Environment/law.h"
+#include "../Operator/law.h"
 #include "../PLikeController/law.h"
 #include "../PhantomArm/law.h"
 #include "../VariableDelayChannel/law.h"
@@ -28,7 +33,7 @@
 #define MOST_STATES ARM_PLAIN_STATES
 #include "../shared/runge_kutta.h"
 
-enum { ARM, CONTROLLER, CHANNEL, SERIES };
+enum { ARM, CONTROLLER, CHANNEL, OPERATOR, ENVIRONMENT, SERIES };
 
 /* A model: its variables by their value references, their start values, and the vectors (of three) that the store holds
  * of them. */
@@ -40,6 +45,8 @@ static const struct {
 } models[] = {{"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip"},
               {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
               {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
+              {"Operator", Operator_VALUES, Operator_START, "f"},
+              {"Environment", Environment_VALUES, Environment_START, "f"},
               {NULL, 0, NULL, NULL}};
 
 /* clang-format off */
@@ -110,11 +117,15 @@ typedef struct {
         PhantomArmModel arm;
         PLikeControllerModel controller;
         VariableDelayChannelModel channel;
+        OperatorModel operator_;
+        EnvironmentModel environment;
     } model;
     real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
     const Wire *lines;                                       /* ARM: [n_lines] */
     int64_t n_lines;
-    double moved; /* ARM: s, how far along */
+    double moved;          /* ARM: s, how far along */
+    double begun, sine_at; /* OPERATOR: s, time of the communication point, and of its reference's sine */
+    real sine;
     ArmPose pose; /* ARM: of the state */
     int64_t head; /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
@@ -201,6 +212,34 @@ static void step_arm(Part *a, double size, real *out) {
     }
     arm_stay_inside(m, ARM_PLAIN_STATES);
     show_arm(a, out);
+}
+
+/* --- operator ----------------------------------------------------------------------------------------------------- */
+
+#define HAND_STATES 6
+
+static inline void hand_rates(void *system, double offset, const real *at, real *k) {
+    Part *a = system;
+    OperatorModel *m = &a->model.operator_;
+    for (int i = 0; at && i < HAND_STATES; i++) m->hand_x[i] = at[i];
+    move_inputs(a, offset);
+    if (a->begun + offset != a->sine_at) a->sine_at = a->begun + offset, a->sine = operator_reference(m, a->sine_at);
+    operator_motion(m, a->sine);
+    for (int i = 0; i < 3; i++) k[i] = m->hand_dx[i], k[3 + i] = m->hand_ddx[i];
+}
+
+static void step_operator(Part *a, double time, double size, real *out) {
+    OperatorModel *m = &a->model.operator_;
+    const int64_t steps = (int64_t)LANE(m->internal_steps, 0);
+    real states[HAND_STATES];
+    a->begun = time;
+    for (int64_t i = 0; i < steps; i++) {
+        memcpy(states, m->hand_x, sizeof states);
+        runge_kutta(hand_rates, a, HAND_STATES, states, size * (double)i / (double)steps, size / (double)steps);
+        memcpy(m->hand_x, states, sizeof states);
+    }
+    move_inputs(a, size);
+    operator_outputs(m, time + size, out);
 }
 
 /* --- channel ------------------------------------------------------------------------------------------------------ */
@@ -321,7 +360,11 @@ static void start_series(Part *a, const Component *c, real *out) {
 }
 
 static void start(Part *a, const Component *c, real *out) {
-    if (c->kind == ARM)
+    if (c->kind == OPERATOR)
+        a->sine_at = -1.0, operator_start(&a->model.operator_), operator_outputs(&a->model.operator_, 0.0, out);
+    else if (c->kind == ENVIRONMENT)
+        environment_outputs(&a->model.environment, out);
+    else if (c->kind == ARM)
         start_arm(a, out);
     else if (c->kind == CONTROLLER)
         controller_outputs(&a->model.controller, out, out + 3);
@@ -332,7 +375,11 @@ static void start(Part *a, const Component *c, real *out) {
 }
 
 static void step(Part *a, const Component *c, int64_t done, double time, double size, real *out) {
-    if (c->kind == ARM)
+    if (c->kind == OPERATOR)
+        step_operator(a, time, size, out);
+    else if (c->kind == ENVIRONMENT)
+        environment_outputs(&a->model.environment, out);
+    else if (c->kind == ARM)
         step_arm(a, size, out);
     else if (c->kind == CONTROLLER)
         controller_outputs(&a->model.controller, out, out + 3);
@@ -344,13 +391,13 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
 
 /* --- the schedule ------------------------------------------------------------------------------------------------- */
 
-/* Held, then along lines: for an arm to move along, for the others at the end of the step, where they read them. */
-static inline void set_inputs(Part *a, const Act *act, int arm, const real *store, double size) {
+/* Held, then along lines: for what moves to move along, for the others at the end of the step, where they read them. */
+static inline void set_inputs(Part *a, const Act *act, int moves, const real *store, double size) {
     const Wire *const wires = act->wires;
     const int64_t n_held = act->n_held, n = act->n_wires;
     real *values = values_of(a);
     for (int64_t i = 0; i < n_held; i++) values[wires[i].to] = store[wires[i].source];
-    if (arm) {
+    if (moves) {
         for (int64_t i = n_held; i < n; i++) {
             const Wire w = wires[i];
             values[w.to] = a->from[i - n_held] = store[w.source];
@@ -478,7 +525,7 @@ EXPORTED void run(Job *job, const int64_t *const *sources) {
             if (act->steps)
                 step(work + act->component, c, done, time, size, outputs(job, c, done + 1));
             else
-                set_inputs(work + act->component, act, c->kind == ARM, job->store, size);
+                set_inputs(work + act->component, act, c->kind == ARM || c->kind == OPERATOR, job->store, size);
         }
         const int recorded = (done + 1) % job->every == 0;
         if (recorded) record(job, turn->columns, done + 1);

@@ -25,6 +25,9 @@ static inline real choose(mask c, real a, real b) {
 static inline real real_sqrt(real a) {
     return sqrt(a);
 }
+static inline real real_floor(real a) {
+    return floor(a);
+}
 static inline int all(mask c) {
     return c;
 }
@@ -54,6 +57,10 @@ static inline real choose(mask c, real a, real b) {
 }
 static inline real real_sqrt(real a) {
     for (int i = 0; i < REAL_LANES; i++) a[i] = sqrt(a[i]);
+    return a;
+}
+static inline real real_floor(real a) {
+    for (int i = 0; i < REAL_LANES; i++) a[i] = floor(a[i]);
     return a;
 }
 static inline int all(mask c) {

@@ -192,9 +192,26 @@ def test_leaves_long_runs_to_the_executor_whose_table_may_lie_on_disk():
         assert "GB of memory" in kernel.refusal(system.wiring(scenario), RECORD)
 
 
+def test_a_hand_that_feels_the_arm_and_a_wall():
+    """Beside lanes without a wall, with a wall that leans, without a hand, with a hand that is pushed besides."""
+    no_hand = {"operator.hand_mass": 0.0, "operator.amplitude": [0.3, 0.0, 0.1], "operator.frequency": 2.0}
+    lean = {"environment.normal": [-1.0, 0.4, 0.0], "environment.offset": -0.015}
+    pushed = {"operator.amplitude": [0.0, 0.2, 0.0], "operator.frequency": 0.7, "operator.stop_time": 0.4}
+    found = check(
+        settings("contact", 1.5, {}, {"environment.surface": "free"}, lean, no_hand | pushed),
+        ["arm_l.q", "arm_r.dq", "operator.f", "environment.f", "channel_rl.y"],
+    )
+    assert np.abs(found[0].signals["environment.f[1]"]).max() > 1.0
+
+
 def test_refuses_loops_that_it_does_not_compute():
     with open_system(load_scenario("contact")) as system:
-        assert "feels what is wired into it" in kernel.refusal(system.wiring(load_scenario("contact")), [])
+        wiring = system.wiring(load_scenario("contact").with_values({"environment.normal": [0.0, 0.0, 0.0]}))
+        assert kernel.refusal(wiring, []) == "environment: its normal is zero"
+        late = system.wiring(load_scenario("contact").with_values({"operator.stop_time": -1.0}))
+        assert kernel.refusal(late, []) == "operator: its stop_time is before its start_time"
+    with open_system(load_scenario("inverse-dynamics")) as system:
+        assert "feels what is wired into it" in kernel.refusal(system.wiring(load_scenario("inverse-dynamics")), [])
     with open_system(load_scenario("sallam-stable")) as system:
         wiring = system.wiring(load_scenario("sallam-stable"))
         assert kernel.refusal(wiring, ["channel_lr.age"]) == (

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
-from cosim.sweeps import kernel
 from cosim.sweeps.campaign import fingerprint
 from cosim.sweeps.evaluate import EVALUATORS, simulation, spectrum
 from cosim.sweeps.points import Point
@@ -28,7 +27,6 @@ def grid(gains, delays):
     ]
 
 
-@pytest.mark.skipif(kernel.lanes() < 2, reason="a run and its twin stand in two lanes")
 def test_signs_are_those_of_the_exact_spectrum_and_runs_end_early():
     points = grid(np.linspace(0.4, 1.0, 3), np.linspace(0.05, 0.8, 6))
     exact = [finding.growth_rate for finding in spectrum(task("spectrum"), points)]

@@ -1,0 +1,55 @@
+/* The operator's law, in `real`: one source for the FMU and for a sweep's vector lanes. README.md. */
+#ifndef OPERATOR_LAW_H
+#define OPERATOR_LAW_H
+
+#include "../shared/elementary.h"
+
+#define INSTANT 1e-9 /* s: communication points closer than this are one */
+
+static inline real operator_sine(real turns) {
+    real sine, cosine;
+    sincos_real(2.0 * PI * (turns - real_floor(turns)), &sine, &cosine);
+    return sine;
+}
+
+/* grip: force of the hand on the tip = kg (x_h - x) + bg (dx_h - dx) */
+static inline real operator_grip(const OperatorModel *m, int i) {
+    return m->grip_stiffness * (m->hand_x[i] - m->x[i]) + m->grip_damping * (m->hand_dx[i] - m->dx[i]);
+}
+
+/* Of the reference's motion at time t. */
+static inline real operator_reference(const OperatorModel *m, double t) {
+    return operator_sine(m->reference_frequency * t);
+}
+
+/* m ddx_h = k (reference(t) - x_h) - b dx_h - grip; sine: operator_reference now */
+static inline void operator_motion(OperatorModel *m, real sine) {
+    for (int i = 0; i < 3; i++) {
+        const real reference = m->reference[i] + m->reference_amplitude[i] * sine;
+        const real force = m->hand_stiffness[i] * (reference - m->hand_x[i]) - m->hand_damping[i] * m->hand_dx[i] -
+                           operator_grip(m, i);
+        m->hand_ddx[i] = choose(m->hand_mass > 0.0, force / m->hand_mass, real_of(0.0));
+    }
+}
+
+/* The hand holds the tip where it is. */
+static inline void operator_start(OperatorModel *m) {
+    const mask hand = m->hand_mass > 0.0;
+    for (int i = 0; i < 3; i++) {
+        m->hand_x[i] = choose(hand, m->x[i], real_of(0.0));
+        m->hand_dx[i] = choose(hand, m->dx[i], real_of(0.0));
+    }
+}
+
+/* f = A sin(2 pi frequency t + phase) [start <= t < stop] + f_recorded + grip */
+static inline void operator_outputs(const OperatorModel *m, double t, real f[3]) {
+    const real now = real_of(t), none = real_of(0.0);
+    const mask on = (now >= m->start_time - INSTANT) & (now < m->stop_time - INSTANT), hand = m->hand_mass > 0.0;
+    const mask pushes = on & ((m->amplitude[0] != 0.0) | (m->amplitude[1] != 0.0) | (m->amplitude[2] != 0.0));
+    const real turns = m->frequency * t + m->phase / (2.0 * PI);
+    const real sine = any(pushes) ? choose(pushes, operator_sine(turns), none) : none;
+    for (int i = 0; i < 3; i++)
+        f[i] = m->amplitude[i] * sine + m->f_recorded[i] + choose(hand, operator_grip(m, i), none);
+}
+
+#endif

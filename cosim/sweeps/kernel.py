@@ -42,8 +42,17 @@ _ARM_LAW = {
     *("viscous", "coulomb", "coulomb_velocity", "stiffness", "damping", "q_start", "dq_start"),
     *("contact_stiffness", "contact_damping", "contact_normal", "contact_distance"),
     *("tau", "f", "f_command", "x_ref"),
+    *("coulomb_form", "stribeck", "stribeck_velocity", "stribeck_exponent", "coulomb_asymmetry", "viscous_asymmetry"),
+    *("torque_offset", "load_friction", "position_friction_sin", "position_friction_cos", "position_torque"),
+    *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
+    *("ripple_sin", "ripple_cos", "ripple_order", "hysteresis", "hysteresis_length", "hysteresis_exponent"),
+    *("hysteresis_ratio", "hysteresis_tilt", "quadratic_drag", "friction_drift", "friction_drift_time"),
+    *("torque_gain", "torque_deadband"),
+    *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
 }
-"""What may differ from the table in the kernel's arm; other parameters are those of effects."""
+"""What may differ from the table in the kernel's arm: not what makes a joint elastic, late or limited, nor encoders."""
+_CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0)}
+"""The numbers that the arm takes for them."""
 _CHANNEL_LAW = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
 """What must be as it is in the kernel's channel."""
 _MOST_OUTPUTS = 12  # of a series
@@ -140,6 +149,8 @@ def _unfit_arm(part: LaneComponent) -> str | None:
     variables = part.description.variables
     for name, value in part.starts.items():
         if stem(name) not in _ARM_LAW and value != variables[name].start:
+            return f"its {name} is {value!r}"
+        if value not in _CHOSEN.get(stem(name), (value,)):
             return f"its {name} is {value!r}"
     if part.number("contact_stiffness") > 0 and not any(part.number(f"contact_normal[{i}]") for i in (1, 2, 3)):
         return "its contact_normal is zero"

@@ -3,7 +3,8 @@
  *   M(q) ddq + C(q, dq) dq + N(q) + friction = tau + J' (f_command + f_device) + N_nominal + J' (f + f_contact)
  *
  * That is the whole law of a plain arm: rigid joints, viscous and Coulomb friction, ideal motors and encoders. What else
- * a joint may do stands in ../shared/joint.h, and model.c puts it in. Rigid body: arm.h; equations and sources: README.md.
+ * a joint may do stands in ../shared/joint.h; here are the effects of rigid joints, the others' model.c puts in. Rigid body:
+ * arm.h; equations and sources: README.md.
  */
 #ifndef PHANTOM_ARM_LAW_H
 #define PHANTOM_ARM_LAW_H
@@ -11,6 +12,7 @@
 #include <stddef.h>
 
 #include "../shared/domain.h"
+#include "../shared/joint.h"
 #include "arm.h"
 
 enum { NO_FRICTION, VISCOUS_FRICTION, COULOMB_FRICTION }; /* values of `friction`: what any lane has */
@@ -131,6 +133,32 @@ static inline void arm_weight(const PhantomArmModel *m, const ArmPose *p, real g
         real along[3];
         arm_gravity_along(m->body + 6, p, m->up, along);
         for (int i = 0; i < 3; i++) gravity[i] = choose(tilted, along[i], gravity[i]);
+    }
+}
+
+/* --- joints ------------------------------------------------------------------------------------------------------- */
+
+/* Joint i; in lanes without the marks of what is there. */
+static inline Joint arm_joint(const PhantomArmModel *m, int i) {
+    Joint j;
+#define JOINT_FIELD(name) j.name = m->name[i];
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+    j.present = 0;
+    return j;
+}
+
+/* Required torque on each joint from the motion of the others (N m). */
+static inline void arm_coupling(const PhantomArmModel *m, const Joint joints[3], const real q[3], const real dq[3],
+                                real required[3]) {
+    static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
+    for (int k = 0; k < 6; k++) {
+        const int i = pairs[k][0], j = pairs[k][1];
+        const real v = m->coupling_velocity[k], s = choose(v > 0.0, arm_sign(dq[j], v), joint_sign(joints + j, dq[j]));
+        real sum = required[i];
+        sum = choose(m->coupling_viscous[k] != 0.0, sum + m->coupling_viscous[k] * dq[j], sum);
+        sum = choose(m->coupling_coulomb[k] != 0.0, sum + m->coupling_coulomb[k] * s, sum);
+        required[i] = choose(m->coupling_stiffness[k] != 0.0, sum + m->coupling_stiffness[k] * q[j], sum);
     }
 }
 

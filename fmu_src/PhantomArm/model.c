@@ -6,15 +6,9 @@
 #include <stdio.h>
 
 #include "law.h"
-#include "../shared/joint.h"
-
-static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}};
 
 static Joint joint_of(const Model *m, int i) {
-    Joint j;
-#define JOINT_FIELD(name) j.name = m->name[i];
-    JOINT_PARAMETERS(JOINT_FIELD)
-#undef JOINT_FIELD
+    Joint j = arm_joint(m, i);
     joint_complete(&j, m->start_inertia[i]);
     return j;
 }
@@ -53,21 +47,6 @@ static void delivered(Model *m, const ArmPose *p, double torque[3]) {
     }
 }
 
-/* Required torque on each joint from the motion of the others (N m). */
-static void coupling(const Model *m, const double q[3], const double dq[3], double required[3]) {
-    for (int i = 0; i < 3; i++) required[i] = 0;
-    for (int k = 0; k < 6 && m->coupled != 0; k++) {
-        const int i = pairs[k][0], j = pairs[k][1];
-        if (m->coupling_viscous[k] != 0) required[i] += m->coupling_viscous[k] * dq[j];
-        if (m->coupling_coulomb[k] != 0) {
-            const Joint other = joint_of(m, j);
-            const double v = m->coupling_velocity[k], s = v > 0 ? arm_sign(dq[j], v) : joint_sign(&other, dq[j]);
-            required[i] += m->coupling_coulomb[k] * s;
-        }
-        if (m->coupling_stiffness[k] != 0) required[i] += m->coupling_stiffness[k] * q[j];
-    }
-}
-
 /* Angle and velocity on the encoder's side: the motor's where the joint is elastic. */
 static void motor_side(const Model *m, double q[3], double dq[3]) {
     for (int i = 0; i < 3; i++) {
@@ -79,13 +58,14 @@ static void motor_side(const Model *m, double q[3], double dq[3]) {
 
 /* Torque on each link from its joint, and derivatives of the joint's own states. `inertia` loses the motors' shares. */
 static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *inertia, double torque[3]) {
-    double ideal[3], q[3], dq[3], others[3];
+    double ideal[3], q[3], dq[3], others[3] = {0, 0, 0};
     double *diagonal[3] = {&inertia->m11, &inertia->m22, &inertia->m33};
+    const Joint joints[3] = {joint_of(m, 0), joint_of(m, 1), joint_of(m, 2)};
     delivered(m, p, ideal);
     motor_side(m, q, dq);
-    coupling(m, q, dq, others);
+    if (m->coupled != 0) arm_coupling(m, joints, q, dq, others);
     for (int i = 0; i < 3; i++) {
-        const Joint j = joint_of(m, i);
+        const Joint j = joints[i];
         const double motor = j.actuator_lag > 0 ? m->tau_lag[i] : ideal[i];
         const double z = joint_hysteresis_state(&j, m->z[i], m->z_short[i], m->z_long[i]);
         torque[i] = motor - joint_required(&j, q[i], dq[i], z, motor, t) - others[i];

@@ -30,7 +30,8 @@
 #include "../shared/layout.h"
 #include "sign.h"
 
-#define MOST_STATES ARM_PLAIN_STATES
+#define ARM_EFFECT_STATES 15 /* q_link, dq_link, z, z_short, z_long */
+#define MOST_STATES ARM_EFFECT_STATES
 #include "../shared/runge_kutta.h"
 
 enum { ARM, CONTROLLER, CHANNEL, OPERATOR, ENVIRONMENT, SERIES };
@@ -123,8 +124,11 @@ typedef struct {
     real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
     const Wire *lines;                                       /* ARM: [n_lines] */
     int64_t n_lines;
-    double moved;          /* ARM: s, how far along */
-    double begun, sine_at; /* OPERATOR: s, time of the communication point, and of its reference's sine */
+    double moved;     /* ARM: s, how far along */
+    double begun;     /* ARM, OPERATOR: s, time of the communication point */
+    uint64_t effects; /* ARM: bits by JOINT_PLACE of what any joint of any lane has beside friction */
+    int64_t coupled;  /* ARM: whether a joint of any lane feels another one */
+    double sine_at;   /* OPERATOR: s, time of its reference's sine */
     real sine;
     ArmPose pose; /* ARM: of the state */
     int64_t head; /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
@@ -188,6 +192,59 @@ static inline void rates(void *system, double offset, const real *at, real *k) {
     m->indefinite = choose(definite, m->indefinite, real_of(1.0));
 }
 
+/* What a plain arm has, and what does nothing without something else. */
+#define PLAIN_BIT(name) ((uint64_t)1 << JOINT_PLACE_##name)
+#define PLAIN_EFFECTS                                                                                                  \
+    (PLAIN_BIT(viscous) | PLAIN_BIT(coulomb) | PLAIN_BIT(coulomb_velocity) | PLAIN_BIT(stribeck_velocity) |            \
+     PLAIN_BIT(stribeck_exponent) | PLAIN_BIT(ripple_order) | PLAIN_BIT(hysteresis_length) |                           \
+     PLAIN_BIT(hysteresis_exponent) | PLAIN_BIT(friction_drift_time))
+
+/* Torques of rigid joints with effects, and the rates of their hysteresis (model.c has the same for an instance). */
+static inline void effect_torques(const Part *a, const ArmPose *p, double t, const real *state, real torque[3],
+                                  real *k) {
+    const PhantomArmModel *m = &a->model.arm;
+    Joint joints[3];
+    real motor[3], others[3];
+    for (int i = 0; i < 3; i++) joints[i] = arm_joint(m, i), joints[i].present = a->effects, others[i] = real_of(0.0);
+    arm_command(m, p, motor);
+    arm_add_own_command(m, p, state + 3, motor);
+    if (a->coupled) arm_coupling(m, joints, state, state + 3, others);
+    for (int i = 0; i < 3; i++) {
+        const Joint *j = joints + i;
+        const real z[3] = {state[6 + i], state[9 + i], state[12 + i]}, dq = state[3 + i];
+        real *const rates[3] = {k + 6 + i, k + 9 + i, k + 12 + i};
+        const real ideal = joint_delivered(j, motor[i]), held = joint_hysteresis_state(j, z[0], z[1], z[2]);
+        torque[i] = ideal - joint_required(j, state[i], dq, held, ideal, t) - others[i];
+        for (int n = 0; n < 3; n++) *rates[n] = real_of(0.0);
+        if (JOINT_HAS(j, hysteresis)) joint_hysteresis_rates(j, dq, z, rates);
+    }
+}
+
+static inline void effect_rates(void *system, double offset, const real *at, real *k) {
+    Part *a = system;
+    PhantomArmModel *m = &a->model.arm;
+    const real *state = at ? at : PhantomArm_STATE(m);
+    const ArmPose pose = at ? arm_pose(at) : a->pose;
+    const ArmInertia inertia = arm_inertia(m->body, &pose);
+    real torque[3];
+    move_inputs(a, offset);
+    effect_torques(a, &pose, a->begun + offset, state, torque, k);
+    arm_add_load(m, &pose, state + 3, torque);
+    for (int i = 0; i < 3; i++) k[i] = state[3 + i];
+    m->indefinite = choose(arm_respond(&inertia, torque, k + 3), m->indefinite, real_of(1.0));
+}
+
+/* Which effects any joint of any lane has. */
+static void note_effects(Part *a) {
+    const PhantomArmModel *m = &a->model.arm;
+    a->effects = 0;
+#define JOINT_FIELD(name) a->effects |= (uint64_t)arm_has(m->name, 3) << JOINT_PLACE_##name;
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+    a->coupled =
+        arm_has(m->coupling_viscous, 6) || arm_has(m->coupling_coulomb, 6) || arm_has(m->coupling_stiffness, 6);
+}
+
 static void show_arm(Part *a, real *out) {
     const PhantomArmModel *m = &a->model.arm;
     a->pose = arm_pose(m->q_link);
@@ -199,18 +256,37 @@ static void show_arm(Part *a, real *out) {
 static void start_arm(Part *a, real *out) {
     arm_start(&a->model.arm);
     arm_keep(&a->model.arm);
+    note_effects(a);
     show_arm(a, out);
 }
 
-static void step_arm(Part *a, double size, real *out) {
+static inline void move_arm(Part *a, Rates *moving, int n, double size) {
     PhantomArmModel *m = &a->model.arm;
     const int64_t steps = (int64_t)LANE(m->internal_steps, 0);
     for (int64_t i = 0; i < steps; i++) {
         if (i > 0) a->pose = arm_pose(m->q_link);
-        runge_kutta(rates, a, ARM_PLAIN_STATES, PhantomArm_STATE(m), size * (double)i / (double)steps,
-                    size / (double)steps);
+        runge_kutta(moving, a, n, PhantomArm_STATE(m), size * (double)i / (double)steps, size / (double)steps);
     }
-    arm_stay_inside(m, ARM_PLAIN_STATES);
+}
+
+static void step_plain_arm(Part *a, double size) {
+    move_arm(a, rates, ARM_PLAIN_STATES, size);
+    arm_stay_inside(&a->model.arm, ARM_PLAIN_STATES);
+}
+
+static void step_arm_with_effects(Part *a, double size) {
+    PhantomArmModel *m = &a->model.arm;
+    move_arm(a, effect_rates, ARM_EFFECT_STATES, size);
+    for (int i = 6; i < ARM_EFFECT_STATES; i++) PhantomArm_STATE(m)[i] = joint_hysteresis_limit(PhantomArm_STATE(m)[i]);
+    arm_stay_inside(m, ARM_EFFECT_STATES);
+}
+
+static void step_arm(Part *a, double time, double size, real *out) {
+    a->begun = time;
+    if (a->effects & ~PLAIN_EFFECTS || a->coupled)
+        step_arm_with_effects(a, size);
+    else
+        step_plain_arm(a, size);
     show_arm(a, out);
 }
 
@@ -380,7 +456,7 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
     else if (c->kind == ENVIRONMENT)
         environment_outputs(&a->model.environment, out);
     else if (c->kind == ARM)
-        step_arm(a, size, out);
+        step_arm(a, time, size, out);
     else if (c->kind == CONTROLLER)
         controller_outputs(&a->model.controller, out, out + 3);
     else if (c->kind == CHANNEL)

@@ -1,7 +1,9 @@
 /* What one joint does beside the rigid-body equations: friction, required torques, actuator, elasticity, encoder.
  *
  * Every effect of CONTRACT.md is a parameter that is zero by default, and a zero effect is skipped, not multiplied: the
- * bits of a run do not change by the presence of an absent effect. Names, units and meaning: joint.toml.
+ * bits of a run do not change by the presence of an absent effect. Names, units and meaning: joint.toml. Friction, required
+ * torques and the amplifier are in `real` (real.h); in lanes an effect is there where `present` says so, because some lane has
+ * it. Delays, elastic joints, gaps and encoders are those of an instance of an FMU.
  */
 #ifndef JOINT_H
 #define JOINT_H
@@ -28,10 +30,146 @@
 /* clang-format on */
 
 typedef struct {
-#define JOINT_FIELD(name) double name;
+#define JOINT_FIELD(name) real name;
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
+    uint64_t present; /* lanes only: bits by JOINT_PLACE */
 } Joint;
+
+#ifdef REAL_LANES
+enum {
+#define JOINT_FIELD(name) JOINT_PLACE_##name,
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+};
+#define JOINT_HAS(j, name) (((j)->present >> JOINT_PLACE_##name) & 1)
+#else
+#define JOINT_HAS(j, name) ((j)->name != 0)
+#endif
+
+/* s(dq), the smooth sign of the friction law: by coulomb_form dq / sqrt(dq^2 + v^2) or tanh(dq / v).
+ * tanh x = (1 - e) / (1 + e), e = exp(-2 x), x >= 0: within 2e-16 of it, which is what counts beside a Coulomb level. */
+static inline real joint_sign(const Joint *j, real dq) {
+    const real v = j->coulomb_velocity;
+    const mask bent = j->coulomb_form == real_of(COULOMB_TANH);
+    real s = real_of(0.0);
+    if (JOINT_HAS(j, coulomb_form) && any(bent)) {
+        const real e = exp_real(-2.0 * real_abs(dq) / v), positive = (1.0 - e) / (1.0 + e);
+        s = choose(dq < 0.0, -positive, positive);
+        if (all(bent)) return s;
+    }
+    return choose(bent, s, dq / real_sqrt(dq * dq + v * v));
+}
+
+/* fv dq + fc s (N m) */
+static inline real joint_basic_friction(const Joint *j, real dq) {
+    const real torque = j->viscous * dq;
+    if (!JOINT_HAS(j, coulomb)) return torque;
+    return choose(j->coulomb != 0.0, torque + j->coulomb * joint_sign(j, dq), torque);
+}
+
+/* What viscous and Coulomb friction are multiplied by at time t: 1 + d T (1 - exp(-t / T)), or 1 + d t where no T is given. */
+static inline real joint_drift(const Joint *j, double t) {
+    const real constant = j->friction_drift_time, none = real_of(t);
+    real time = none;
+    if (JOINT_HAS(j, friction_drift_time))
+        time = choose(constant > 0.0, constant * (1.0 - exp_real(-none / constant)), none);
+    return 1.0 + j->friction_drift * time;
+}
+
+/* `part` is added to the torque where the effect of that name is not zero. */
+#define JOINT_ADD(name, part)                                                                                          \
+    if (JOINT_HAS(j, name)) torque = choose(j->name != 0.0, torque + (part), torque)
+
+/* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: of the hysteresis. */
+static inline real joint_required(const Joint *j, real q, real dq, real z, real tau_motor, double t) {
+    const real s = joint_sign(j, dq), speed = real_abs(dq);
+    real torque = joint_basic_friction(j, dq), sine, cosine;
+    if (JOINT_HAS(j, friction_drift)) torque = choose(j->friction_drift != 0.0, torque * joint_drift(j, t), torque);
+    if (JOINT_HAS(j, stribeck)) {
+        const real u = speed / j->stribeck_velocity, power = choose(j->stribeck_exponent == real_of(2.0), -(u * u), -u);
+        JOINT_ADD(stribeck, j->stribeck * exp_real(power) * s);
+    }
+    JOINT_ADD(coulomb_asymmetry, j->coulomb_asymmetry * (s * s));
+    JOINT_ADD(viscous_asymmetry, j->viscous_asymmetry * speed);
+    JOINT_ADD(quadratic_drag, j->quadratic_drag * dq * speed);
+    JOINT_ADD(load_friction, j->load_friction * real_abs(tau_motor) * s);
+    JOINT_ADD(hysteresis, j->hysteresis * z);
+    JOINT_ADD(torque_offset, j->torque_offset);
+    if (JOINT_HAS(j, position_friction_sin) || JOINT_HAS(j, position_friction_cos) ||
+        JOINT_HAS(j, position_torque_sin) || JOINT_HAS(j, position_torque_cos)) {
+        const mask there = (j->position_friction_sin != 0.0) | (j->position_friction_cos != 0.0) |
+                           (j->position_torque_sin != 0.0) | (j->position_torque_cos != 0.0);
+        sincos_real(q, &sine, &cosine);
+        const real rubbed = torque + (j->position_friction_sin * sine + j->position_friction_cos * cosine) * s;
+        torque = choose(there, rubbed + (j->position_torque_sin * sine + j->position_torque_cos * cosine), torque);
+    }
+    JOINT_ADD(position_torque, j->position_torque * q);
+    JOINT_ADD(position_torque_quadratic, j->position_torque_quadratic * (q * q));
+    JOINT_ADD(position_torque_cubic, j->position_torque_cubic * (q * q * q));
+    if (JOINT_HAS(j, ripple_sin) || JOINT_HAS(j, ripple_cos)) {
+        const mask there = (j->ripple_sin != 0.0) | (j->ripple_cos != 0.0);
+        sincos_real(j->ripple_order * q, &sine, &cosine);
+        torque = choose(there, torque + (j->ripple_sin * sine + j->ripple_cos * cosine), torque);
+    }
+    return torque;
+}
+
+/* dz/dt = dq (1 - z sgn(dq))^n / length, z kept within +-1 (1/s): bounded even where |dq| h > length. */
+static inline real joint_hysteresis_rate(const Joint *j, real dq, real z) {
+    const real within = real_clamp(z, real_of(-1.0), real_of(1.0)), left = 1.0 - choose(dq < 0.0, -within, within);
+    const mask dahl = j->hysteresis_exponent == real_of(1.0);
+    const real rate = (dq - real_abs(dq) * within) / j->hysteresis_length;
+    if (all(dahl)) return rate;
+    const real power = exp_real(j->hysteresis_exponent * log_real(left));
+    return choose(dahl, rate, choose(left > 0.0, dq * power / j->hysteresis_length, real_of(0.0)));
+}
+
+/* Elasto-plastic element: dz/dt = dq / length, and 0 where it yields, |z| = 1 (1/s). */
+static inline real joint_element_rate(real dq, real z, real length) {
+    return choose(choose(dq < 0.0, -z, z) < 1.0, dq / length, real_of(0.0));
+}
+
+/* What `hysteresis` multiplies: Dahl's z, or the three elements by their strengths (1 - tilt, 1, 1 + tilt)/3. */
+static inline real joint_hysteresis_state(const Joint *j, real z, real z_short, real z_long) {
+    if (!JOINT_HAS(j, hysteresis_ratio)) return z;
+    const real three = ((1.0 - j->hysteresis_tilt) * z_short + z + (1.0 + j->hysteresis_tilt) * z_long) / 3.0;
+    return choose(j->hysteresis_ratio == real_of(0.0), z, three);
+}
+
+/* Rates of z, z_short, z_long (1/s): Dahl's law alone, or the elements' of length, length/ratio, length ratio; zero without
+ * hysteresis. */
+static inline void joint_hysteresis_rates(const Joint *j, real dq, const real z[3], real *const rates[3]) {
+    const real none = real_of(0.0), ratio = j->hysteresis_ratio, length = j->hysteresis_length;
+    const mask there = j->hysteresis != 0.0, alone = ratio == none;
+    real found[3] = {none, none, none};
+    if (any(alone)) found[0] = joint_hysteresis_rate(j, dq, z[0]);
+    if (JOINT_HAS(j, hysteresis_ratio)) {
+        found[0] = choose(alone, found[0], joint_element_rate(dq, z[0], length));
+        found[1] = choose(alone, none, joint_element_rate(dq, z[1], length / ratio));
+        found[2] = choose(alone, none, joint_element_rate(dq, z[2], length * ratio));
+    }
+    for (int i = 0; i < 3; i++) *rates[i] = choose(there, found[i], none);
+}
+
+/* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left
+ * alone: in model exchange a changed state is an event. */
+static inline real joint_hysteresis_limit(real z) {
+    return choose(real_abs(z) > 1.001, choose(z > 0.0, real_of(1.0), real_of(-1.0)), z);
+}
+
+/* The amplifier: (1 + gain) u, then the deadband, then the limit (N m). */
+static inline real joint_delivered(const Joint *j, real command) {
+    real u = command;
+    if (JOINT_HAS(j, torque_gain)) u = choose(j->torque_gain != 0.0, u * (1.0 + j->torque_gain), u);
+    if (JOINT_HAS(j, torque_deadband))
+        u = choose(j->torque_deadband > 0.0, u - real_clamp(u, -j->torque_deadband, j->torque_deadband), u);
+    if (JOINT_HAS(j, torque_saturation))
+        u = choose(j->torque_saturation > 0.0, real_clamp(u, -j->torque_saturation, j->torque_saturation), u);
+    return u;
+}
+
+#ifndef REAL_LANES /* of an instance */
 
 /* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap
  * so stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */
@@ -41,17 +179,6 @@ static inline void joint_complete(Joint *j, double inertia) {
     if (j->joint_compliance > 0) return;
     j->joint_compliance = 1 / (j->motor_inertia * 500.0 * 500.0);
     if (!(j->joint_damping > 0)) j->joint_damping = 2 * 0.3 * 500.0 * j->motor_inertia;
-}
-
-/* s(dq), the smooth sign of the friction law: by coulomb_form dq / sqrt(dq^2 + v^2) or tanh(dq / v).
- * tanh x = (1 - e) / (1 + e), e = exp(-2 x), x >= 0: within 2e-16 of it, which is what counts beside a Coulomb level. */
-static inline double joint_sign(const Joint *j, double dq) {
-    const double v = j->coulomb_velocity;
-    if (j->coulomb_form == COULOMB_TANH) {
-        const double e = exp_real(-2 * fabs(dq) / v), s = (1 - e) / (1 + e);
-        return dq < 0 ? -s : s;
-    }
-    return dq / sqrt(dq * dq + v * v);
 }
 
 /* True where friction is viscous and algebraic Coulomb only and the actuator and encoder are ideal. */
@@ -64,94 +191,6 @@ static inline int joint_is_plain(const Joint *j) {
            j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 && j->torque_deadband == 0 &&
            j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 && j->joint_compliance == 0 &&
            j->backlash == 0;
-}
-
-/* fv dq + fc s (N m) */
-static inline double joint_basic_friction(const Joint *j, double dq) {
-    double torque = j->viscous * dq;
-    if (j->coulomb != 0) torque += j->coulomb * joint_sign(j, dq);
-    return torque;
-}
-
-/* What viscous and Coulomb friction are multiplied by at time t: 1 + d T (1 - exp(-t / T)), or 1 + d t where no T is given. */
-static inline double joint_drift(const Joint *j, double t) {
-    const double constant = j->friction_drift_time;
-    return 1 + j->friction_drift * (constant > 0 ? constant * (1 - exp_real(-t / constant)) : t);
-}
-
-/* All torque that the motor must supply beside inertia, Coriolis and gravity (N m); z: of the hysteresis. */
-static inline double joint_required(const Joint *j, double q, double dq, double z, double tau_motor, double t) {
-    const double s = joint_sign(j, dq), speed = fabs(dq);
-    double torque = joint_basic_friction(j, dq), sine = 0, cosine = 0;
-    if (j->friction_drift != 0) torque *= joint_drift(j, t);
-    if (j->stribeck != 0) {
-        const double u = speed / j->stribeck_velocity;
-        torque += j->stribeck * exp_real(j->stribeck_exponent == 2 ? -(u * u) : -u) * s;
-    }
-    if (j->coulomb_asymmetry != 0) torque += j->coulomb_asymmetry * (s * s);
-    if (j->viscous_asymmetry != 0) torque += j->viscous_asymmetry * speed;
-    if (j->quadratic_drag != 0) torque += j->quadratic_drag * dq * speed;
-    if (j->load_friction != 0) torque += j->load_friction * fabs(tau_motor) * s;
-    if (j->hysteresis != 0) torque += j->hysteresis * z;
-    if (j->torque_offset != 0) torque += j->torque_offset;
-    if (j->position_friction_sin != 0 || j->position_friction_cos != 0 || j->position_torque_sin != 0 ||
-        j->position_torque_cos != 0) {
-        sincos_real(q, &sine, &cosine);
-        torque += (j->position_friction_sin * sine + j->position_friction_cos * cosine) * s;
-        torque += j->position_torque_sin * sine + j->position_torque_cos * cosine;
-    }
-    if (j->position_torque != 0) torque += j->position_torque * q;
-    if (j->position_torque_quadratic != 0) torque += j->position_torque_quadratic * (q * q);
-    if (j->position_torque_cubic != 0) torque += j->position_torque_cubic * (q * q * q);
-    if (j->ripple_sin != 0 || j->ripple_cos != 0) {
-        sincos_real(j->ripple_order * q, &sine, &cosine);
-        torque += j->ripple_sin * sine + j->ripple_cos * cosine;
-    }
-    return torque;
-}
-
-/* dz/dt = dq (1 - z sgn(dq))^n / length, z kept within +-1 (1/s): bounded even where |dq| h > length. */
-static inline double joint_hysteresis_rate(const Joint *j, double dq, double z) {
-    const double within = real_clamp(z, -1.0, 1.0), left = 1.0 - (dq < 0 ? -within : within);
-    if (j->hysteresis_exponent == 1) return (dq - fabs(dq) * within) / j->hysteresis_length;
-    return left > 0 ? dq * exp_real(j->hysteresis_exponent * log_real(left)) / j->hysteresis_length : 0.0;
-}
-
-/* Elasto-plastic element: dz/dt = dq / length, and 0 where it yields, |z| = 1 (1/s). */
-static inline double joint_element_rate(double dq, double z, double length) {
-    return (dq < 0 ? -z : z) < 1.0 ? dq / length : 0.0;
-}
-
-/* What `hysteresis` multiplies: Dahl's z, or the three elements by their strengths (1 - tilt, 1, 1 + tilt)/3. */
-static inline double joint_hysteresis_state(const Joint *j, double z, double z_short, double z_long) {
-    if (j->hysteresis_ratio == 0) return z;
-    return ((1.0 - j->hysteresis_tilt) * z_short + z + (1.0 + j->hysteresis_tilt) * z_long) / 3.0;
-}
-
-/* Rates of z, z_short, z_long (1/s): Dahl's law alone, or the elements' of length, length/ratio, length ratio. */
-static inline void joint_hysteresis_rates(const Joint *j, double dq, const double z[3], double *const rates[3]) {
-    if (j->hysteresis_ratio == 0) {
-        *rates[0] = joint_hysteresis_rate(j, dq, z[0]);
-        return;
-    }
-    *rates[0] = joint_element_rate(dq, z[0], j->hysteresis_length);
-    *rates[1] = joint_element_rate(dq, z[1], j->hysteresis_length / j->hysteresis_ratio);
-    *rates[2] = joint_element_rate(dq, z[2], j->hysteresis_length * j->hysteresis_ratio);
-}
-
-/* |z| <= 1 holds for the equation; an explicit step of many lengths leaves it and is brought back. Rounding is left
- * alone: in model exchange a changed state is an event. */
-static inline double joint_hysteresis_limit(double z) {
-    return fabs(z) > 1.001 ? (z > 0 ? 1.0 : -1.0) : z;
-}
-
-/* The amplifier: (1 + gain) u, then the deadband, then the limit (N m). */
-static inline double joint_delivered(const Joint *j, double command) {
-    double u = command;
-    if (j->torque_gain != 0) u *= 1 + j->torque_gain;
-    if (j->torque_deadband > 0) u -= real_clamp(u, -j->torque_deadband, j->torque_deadband);
-    if (j->torque_saturation > 0) u = real_clamp(u, -j->torque_saturation, j->torque_saturation);
-    return u;
 }
 
 /* Torque from motor to link (N m): spring behind a gap of `backlash`, damper while the gap is closed. */
@@ -247,5 +286,7 @@ static inline const char *impedance_check_step(double rate, double step, double 
              rate, step / steps, ceil(step * rate / 2));
     return text;
 }
+
+#endif /* of an instance */
 
 #endif

@@ -37,10 +37,12 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
 
 
 def structs(name: str) -> dict[str, str]:
-    """{file name: text} of the generated headers that fmu_src/NAME/NAME.c includes: structs of models whose laws it
-    runs.
+    """{file name: text} of the generated headers that the sources in fmu_src/NAME include: structs of models whose laws
+    they run.
     """
-    code = (source_root() / name / f"{name}.c").read_text(encoding="utf-8").splitlines()
+    code = [
+        line for path in sorted((source_root() / name).glob("*.[ch]")) for line in path.read_text("utf-8").splitlines()
+    ]
     included = [line.split('"')[1] for line in code if line.startswith('#include "') and line.endswith(_STRUCT)]
     return {header: batch_header(model_table(header.removesuffix("_model.h"))) for header in included}
 

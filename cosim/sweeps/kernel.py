@@ -1,8 +1,8 @@
 """The batch kernel: many scenarios of the built-in loop at once, in the vector lanes of fmu_src/kernel/kernel.c.
 
-It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to arms without
-effects, P-like controllers, channels with the semantics `time_delay` and no loss, and components that nothing is wired
-into (an operator that does not feel the arm): their signals, and the delays of every law but the constant one, are
+It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to arms with rigid
+joints and without encoders, whatever their friction, P-like controllers, channels of every semantics, hands and
+environments, and components that nothing is wired into (an operator that does not feel the arm), whose signals are
 computed beforehand by the FMUs themselves. `refusal` says why it does not apply; then the co-simulation does.
 """
 
@@ -28,6 +28,7 @@ from cosim.sweeps.lane import Feed, LaneComponent, LanePlaces, LaneSetting
 from cosim.sweeps.lane_layout import LaneLayout, lane_layout
 from cosim.sweeps.native_kernel import (
     NativeComponent,
+    NativeCourse,
     NativeJob,
     NativeSign,
     kinds,
@@ -53,8 +54,6 @@ _ARM_LAW = {
 """What may differ from the table in the kernel's arm: not what makes a joint elastic, late or limited, nor encoders."""
 _CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0)}
 """The numbers that the arm takes for them."""
-_CHANNEL_LAW = {"semantics": 1.0, "loss_to_bad": 0.0, "loss_good": 0.0}
-"""What must be as it is in the kernel's channel."""
 _MOST_OUTPUTS = 12  # of a series
 _LEAST_BOUND = 1e5
 """The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
@@ -162,8 +161,14 @@ def _unfit_channel(part: LaneComponent) -> str | None:
         return "its input delay is wired"
     if part.choice("law") == "recorded":
         return "its delay is recorded"
-    wrong = [name for name, value in _CHANNEL_LAW.items() if part.number(name) != value]
-    return f"its {wrong[0]} is not that of a plain time delay" if wrong else None
+    if part.loses and not part.packets:
+        return "it loses samples of a plain time delay"
+    low, high = part.number("delay_min"), part.number("delay_max")
+    if part.choice("law") != "constant" and high < low:
+        return "its delay_max is below its delay_min"
+    if part.choice("law") == "random_walk" and part.number("delay_step") > high - low:
+        return "its delay_step is longer than its delays"
+    return None
 
 
 def _unfit_operator(part: LaneComponent) -> str | None:
@@ -250,7 +255,15 @@ def _batches(settings: Sequence[LaneSetting]) -> list[list[int]]:
     return [group[k : k + width] for group in alike.values() for k in range(0, len(group), width)]
 
 
-_FEED = Feed()
+def _course(values: Sequence[float], steps: int, step_ns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Delays and losses by the law that the FMU has too."""
+    delays, lost, walk = np.empty((steps + 1, 1)), np.empty(steps + 1), np.empty(2)
+    law = NativeCourse(*values, walk=walk.ctypes.data)
+    _library().course(ctypes.byref(law), steps, step_ns, delays.ctypes.data, lost.ctypes.data)
+    return delays, lost
+
+
+_FEED = Feed(_course)
 
 
 def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, quantile: float) -> list[_LaneRun]:
@@ -356,6 +369,12 @@ class _Call:
         native.capacity = 1 << (steps + 4).bit_length()
         native.history = self.arena.array(np.zeros((native.capacity, self.width, max(1, native.n_inputs))))
         native.stamps = self.arena.array(np.zeros(native.capacity))
+        if self.parts[i].packets:
+            native.packets = self.arena.array(np.zeros((self.width, native.capacity, 1 + native.n_inputs)))
+            losses = [setting.lost[i] for setting in self.filled]
+            if any(lost is not None for lost in losses):
+                none = np.zeros(self.experiment.steps + 1)
+                native.lost = self.arena.pointers([self.arena.array(none if lost is None else lost) for lost in losses])
 
     def run(self, lane: int, wall: float) -> _LaneRun:
         """What became of a lane, and its growth where the sign was decided."""

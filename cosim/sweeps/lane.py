@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -24,6 +25,11 @@ HELD = {
 """Models that the kernel has, which of their vectors its store holds, and the outputs that have the same values: an arm
 without effects measures what is.
 """
+COURSE = (
+    *("law", "knots", "seed", "delay_mean", "delay_min", "delay_max", "delay_period", "delay_phase"),
+    *("delay_interval", "delay_step", "loss_to_bad", "loss_to_good", "loss_good", "loss_bad"),
+)
+"""Parameters of a channel that its delays and losses follow from."""
 _SERIES_ALONE = ("Operator",)
 """Models of those whose outputs are computed beforehand where nothing is wired into them."""
 _NO_BOUND = 1e300
@@ -76,6 +82,16 @@ class LaneComponent:
         """Start value of an enumeration, in words."""
         return self.description.variables[name].item(self.number(name))
 
+    @property
+    def packets(self) -> bool:
+        """Whether it is a channel of packets, which are dropped, overtaken or lost."""
+        return self.model == "VariableDelayChannel" and self.choice("semantics") != "time_delay"
+
+    @property
+    def loses(self) -> bool:
+        """Whether it is a channel that may lose samples."""
+        return self.number("loss_to_bad") != 0.0 or self.number("loss_good") != 0.0
+
     def places(self, names: Sequence[str]) -> list[int]:
         """Where variables lie in the struct of the model: their value references."""
         return [self.description.variables[name].reference for name in names]
@@ -121,45 +137,66 @@ class LaneSetting:
     wiring: Wiring
     parts: tuple[LaneComponent, ...]
     series: tuple[np.ndarray | None, ...] = field(eq=False)
+    lost: tuple[np.ndarray | None, ...] = field(eq=False)
 
     @classmethod
     def of(cls, wiring: Wiring, alike: Sequence[LaneComponent], feed: Feed) -> LaneSetting:
         """The lane of a wiring whose components are `alike` but for their start values."""
         parts = tuple(part.starting(wiring) for part in alike)
-        return cls(wiring, parts, tuple(_series(wiring, part, feed) for part in parts))
+        series, lost = zip(*(_series(wiring, part, feed) for part in parts))
+        return cls(wiring, parts, series, lost)
 
     @property
-    def shared(self) -> tuple[float, ...]:
-        """What all lanes of a call must have in common: internal steps."""
-        return tuple(p.number("internal_steps") for p in self.parts if "internal_steps" in p.description.variables)
+    def shared(self) -> tuple[object, ...]:
+        """What all lanes of a call must have in common: internal steps, and which channels delay packets."""
+        steps = (p.number("internal_steps") for p in self.parts if "internal_steps" in p.description.variables)
+        return *steps, *(p.packets for p in self.parts)
 
 
-def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | None:
-    """(rows, columns): the outputs of a series, or the delay of a channel; one row where it does not change."""
+def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """(rows, columns): the outputs of a series, or the delay of a channel, one row where it does not change; then
+    (rows,): 1 where a channel loses the sample, None where it loses none.
+    """
     if not part.model:
-        return feed.values(wiring, part, part.outputs)
+        return feed.values(wiring, part, part.outputs), None
     if part.model != "VariableDelayChannel":
-        return None
-    if part.choice("law") == "constant":
-        return np.array([[part.number("delay_mean")]])
-    return feed.values(wiring, evolve(part, inputs=()), ("delay_now",))
+        return None, None
+    if part.choice("law") == "constant" and not part.loses:
+        return np.array([[part.number("delay_mean")]]), None
+    delays, lost = feed.course(wiring, part)
+    return delays, lost if part.loses else None
+
+
+Course = Callable[[Sequence[float], int, int], tuple[np.ndarray, np.ndarray]]
+"""Delays (steps + 1, 1) [s] and losses (steps + 1,) from the values of `COURSE`, steps, and nanoseconds of a step."""
 
 
 class Feed:
-    """Signals computed beforehand by the FMUs: an operator's force, the delays of a law. Each different one once; the
-    last of them are remembered.
+    """Signals computed beforehand: an operator's force by the FMU, delays and losses by a channel's law. Each different
+    one once; the last of them are remembered.
     """
 
-    def __init__(self) -> None:
-        self.known: OrderedDict[tuple[object, ...], np.ndarray] = OrderedDict()
+    def __init__(self, law: Course) -> None:
+        self.law: Course = law
+        self.known: OrderedDict[tuple[object, ...], Any] = OrderedDict()
+
+    def course(self, wiring: Wiring, part: LaneComponent) -> tuple[np.ndarray, np.ndarray]:
+        """Delays and losses of a channel at every communication point."""
+        experiment = wiring.scenario.experiment
+        values = tuple(part.number(name) for name in COURSE)
+        key = values, experiment.steps, experiment.step_ns
+        return self._known(key, lambda: self.law(*key))
 
     def values(self, wiring: Wiring, part: LaneComponent, outputs: Sequence[str]) -> np.ndarray:
         """(steps + 1, outputs) values of a component's outputs at every communication point, alone in its own run."""
         experiment = wiring.scenario.experiment
         length = (experiment.steps, experiment.step_ns)
         key = (part.description.sha256, tuple(sorted(part.starts.items())), length, tuple(outputs))
+        return self._known(key, lambda: _alone(wiring, part, outputs))
+
+    def _known(self, key: tuple[object, ...], found: Callable[[], Any]) -> Any:
         if key not in self.known:
-            self.known[key] = _alone(wiring, part, outputs)
+            self.known[key] = found()
         self.known.move_to_end(key)
         while len(self.known) > _REMEMBERED:
             self.known.popitem(last=False)

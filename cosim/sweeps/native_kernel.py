@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from ctypes import POINTER, c_char_p, c_double, c_int64, c_void_p
 
 from cosim.engine.native import check_layout
-from cosim.sweeps.lane import HELD
+from cosim.sweeps.lane import COURSE, HELD
 
 
 class NativeComponent(ctypes.Structure):
@@ -27,6 +27,8 @@ class NativeComponent(ctypes.Structure):
         ("history", c_void_p),
         ("stamps", c_void_p),
         ("capacity", c_int64),
+        ("lost", c_void_p),
+        ("packets", c_void_p),
     ]
 
 
@@ -57,6 +59,16 @@ class NativeTurn(ctypes.Structure):
         ("columns", c_void_p),
         ("rates", c_void_p),
         ("angles", c_void_p),
+    ]
+
+
+class NativeCourse(ctypes.Structure):
+    """Law of delay and loss of a channel, by the names of the FMU's parameters, and its memory."""
+
+    _fields_ = [
+        *((name, c_double) for name in COURSE),
+        *((name, c_double) for name in ("origin", "delay", "knot", "sent", "bad")),
+        ("walk", c_void_p),
     ]
 
 
@@ -106,6 +118,7 @@ class NativeJob(ctypes.Structure):
 def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     """A compiled fmu_src/kernel with the types of its functions. Raises ImportError where its structs are others."""
     mirrors = {
+        "Course": NativeCourse,
         "Sign": NativeSign,
         "Wire": NativeWire,
         "Act": NativeAct,
@@ -115,7 +128,8 @@ def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     }
     check_layout(library, mirrors)
     library.run.argtypes = [POINTER(NativeJob), c_void_p]
-    library.run.restype = None
+    library.run.restype = library.course.restype = None
+    library.course.argtypes = [POINTER(NativeCourse), c_int64, c_double, c_void_p, c_void_p]
     library.lanes.restype = library.part_size.restype = c_int64
     library.model_name.argtypes = library.model_held.argtypes = [c_int64]
     library.model_name.restype = library.model_held.restype = c_char_p

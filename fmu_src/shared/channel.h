@@ -15,8 +15,6 @@
 #include <stdio.h>
 
 #include "../VariableDelayChannel/law.h"
-#include "elementary.h"
-#include "random.h"
 
 #define CAPACITY ((int)(sizeof((Model *)0)->ring / sizeof((Model *)0)->ring[0]))
 #define WIDTH (sizeof((Model *)0)->ring[0] / sizeof(double))
@@ -26,7 +24,7 @@ static void channel_read(const Model *m, double *signals);
 static void channel_show(Model *m, const double *signals);
 static int channel_sends(Model *m, double t);
 
-enum { STREAM_KNOTS, STREAM_CHAIN, STREAM_LOSS };
+#include "delay_law.h"
 
 static Ring ring_of(Model *m) {
     return RING(m->ring, m->head, m->count);
@@ -37,72 +35,9 @@ static void keep(Model *m, const Ring *r) {
     m->count = r->count;
 }
 
-/* Turns of a periodic law at time t, in [0, 1). */
-static double turn(const Model *m, double t) {
-    const double turns = t / m->delay_period + m->delay_phase / (2 * PI);
-    const double part = turns - floor(turns + 1e-12);
-    return part < 0 ? 0 : part;
-}
-
-/* Uniform knot k: delay_min + (delay_max - delay_min) U_k. */
-static double uniform_knot(const Model *m, double k) {
-    return m->delay_min + (m->delay_max - m->delay_min) * random_uniform(m->seed, STREAM_KNOTS, k);
-}
-
-/* Knot k + 1 of the walk from knot k: a uniform step, reflected at delay_min and delay_max. */
-static double walk_on(const Model *m, double from, double k) {
-    double next = from + m->delay_step * (2 * random_uniform(m->seed, STREAM_KNOTS, k + 1) - 1);
-    if (next < m->delay_min) next = 2 * m->delay_min - next;
-    if (next > m->delay_max) next = 2 * m->delay_max - next;
-    return real_clamp(next, m->delay_min, m->delay_max);
-}
-
-static double between_knots(const Model *m, double t, double left, double right, double knot) {
-    if ((int)m->knots == KNOTS_HOLD) return left;
-    return left + (right - left) * real_clamp((t - m->origin) / m->delay_interval - knot, 0.0, 1.0);
-}
-
-/* d(t) of the law (s). The random walk's knots move with t, which never goes back. */
-static double delay_at(Model *m, double t) {
-    const double span = m->delay_max - m->delay_min, knot = floor((t - m->origin) / m->delay_interval + 1e-9);
-    switch ((int)m->law) {
-    case LAW_SINUSOIDAL: {
-        double sine, cosine;
-        sincos_real(2 * PI * turn(m, t), &sine, &cosine);
-        return m->delay_min + 0.5 * span * (1 + sine);
-    }
-    case LAW_UNIFORM:
-        return between_knots(m, t, uniform_knot(m, knot), uniform_knot(m, knot + 1), knot);
-    case LAW_RANDOM_WALK:
-        for (; m->knot < knot; m->knot++) {
-            m->walk[0] = m->walk[1];
-            m->walk[1] = walk_on(m, m->walk[0], m->knot + 1);
-        }
-        return between_knots(m, t, m->walk[0], m->walk[1], knot);
-    case LAW_SAWTOOTH:
-        return m->delay_min + span * turn(m, t);
-    case LAW_SQUARE:
-        return turn(m, t) < 0.5 ? m->delay_min : m->delay_max;
-    case LAW_RECORDED:
-        return m->delay;
-    default:
-        return m->delay_mean;
-    }
-}
-
-/* Gilbert-Elliott chain: one step per sample, then loss with the state's probability. */
-static int is_lost(Model *m) {
-    const double k = m->sent++;
-    if (m->loss_to_bad == 0 && m->loss_good == 0) return 0;
-    const double move = random_uniform(m->seed, STREAM_CHAIN, k);
-    m->bad = m->bad != 0 ? !(move < m->loss_to_good) : move < m->loss_to_bad;
-    return random_uniform(m->seed, STREAM_LOSS, k) < (m->bad != 0 ? m->loss_bad : m->loss_good);
-}
-
-/* Where a sample of time t stands in the ring (s). Arrivals are counted in nanoseconds, so that two packets due at the
- * same time are equal whatever the rounding of t + d; of those the later sent counts as later. */
+/* Where a sample of time t stands in the ring (s). */
 static double stamp_of(const Model *m, const Ring *r, double t, double delay) {
-    const double arrival = floor((t + delay) * 1e9 + 0.5) * 1e-9;
+    const double arrival = arrival_of(t, delay);
     if ((int)m->semantics == SEMANTICS_TIME_DELAY) return t;
     if ((int)m->semantics == SEMANTICS_TRANSPORT_DELAY && r->count > 0)
         return real_max(arrival, ring_at(r, r->count - 1)[0]);
@@ -155,8 +90,7 @@ static const char *channel_start(Model *m) {
                  m->delay_step, m->delay_max - m->delay_min);
         return (const char *)m->text;
     }
-    m->walk[0] = uniform_knot(m, 0);
-    m->walk[1] = walk_on(m, m->walk[0], 0);
+    start_walk(m);
     /* u(t < 0) = u(0): the first input stands in the ring as received before */
     const double t = m->origin;
     double record[WIDTH] = {CHANNEL_BEFORE, t};

@@ -2,8 +2,8 @@
  *
  * Every effect of CONTRACT.md is a parameter that is zero by default, and a zero effect is skipped, not multiplied: the
  * bits of a run do not change by the presence of an absent effect. Names, units and meaning: joint.toml. Friction, required
- * torques and the amplifier are in `real` (real.h); in lanes an effect is there where `present` says so, because some lane has
- * it. Delays, elastic joints, gaps and encoders are those of an instance of an FMU.
+ * torques and the amplifier are in `real` (real.h); in lanes (JOINT_IN_LANES) an effect is there where `present` says so,
+ * because some lane has it. Delays, elastic joints, gaps and encoders are those of an instance of an FMU.
  */
 #ifndef JOINT_H
 #define JOINT_H
@@ -33,15 +33,16 @@ typedef struct {
 #define JOINT_FIELD(name) real name;
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
-    uint64_t present; /* lanes only: bits by JOINT_PLACE */
+    uint64_t present; /* in lanes: bits by JOINT_PLACE */
 } Joint;
 
-#ifdef REAL_LANES
 enum {
 #define JOINT_FIELD(name) JOINT_PLACE_##name,
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
 };
+
+#ifdef JOINT_IN_LANES
 #define JOINT_HAS(j, name) (((j)->present >> JOINT_PLACE_##name) & 1)
 #else
 #define JOINT_HAS(j, name) ((j)->name != 0)
@@ -169,7 +170,7 @@ static inline real joint_delivered(const Joint *j, real command) {
     return u;
 }
 
-#ifndef REAL_LANES /* of an instance */
+#ifndef JOINT_IN_LANES /* of an instance */
 
 /* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap
  * so stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */

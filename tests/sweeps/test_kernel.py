@@ -115,6 +115,41 @@ def test_a_lane_with_payload_a_leaning_base_and_a_wall_beside_others_without():
     )
 
 
+def test_effects_of_rigid_joints_each_in_a_lane_of_its_own():
+    """Beside a plain arm: friction of every kind, cables and springs, hysteresis of both kinds, amplifier, coupling."""
+    lanes = [
+        {},
+        {"stribeck": 0.004, "stribeck_velocity": 0.05, "stribeck_exponent": 1, "coulomb": 0.002, "coulomb_form": 1},
+        {"hysteresis": 0.003, "hysteresis_length": 0.02, "stribeck": 0.002, "coulomb": 0.002, "torque_gain": 0.1},
+        {"hysteresis": 0.003, "hysteresis_ratio": 3.0, "hysteresis_tilt": 0.4, "torque_deadband": 0.0002},
+        {"hysteresis": 0.002, "hysteresis_exponent": 0.7, "quadratic_drag": 0.01, "viscous_asymmetry": 0.001},
+        {"position_torque_sin": 0.003, "position_friction_cos": 0.001, "coulomb": 0.001, "torque_offset": 0.0005},
+        {
+            "position_torque": 0.01,
+            "position_torque_quadratic": 0.02,
+            "position_torque_cubic": -0.03,
+            "ripple_sin": 1e-3,
+        },
+        {"load_friction": 0.05, "coulomb_asymmetry": 0.001, "friction_drift": 0.5, "friction_drift_time": 1.0},
+        {"coupling_viscous": 0.0005, "coupling_coulomb": 0.001, "coupling_stiffness": 0.002, "viscous": 0.001},
+    ]
+    moving = {"arm_l.dq_start": [0.3, -0.2, 0.1], "operator.amplitude": [0.2, 0.1, 0.0], "operator.frequency": 1.0}
+    check(settings("sallam-stable", 1.0, *(moving | {f"arm_*.{k}": v for k, v in lane.items()} for lane in lanes)))
+
+
+@pytest.mark.parametrize("semantics", ["newest_packet", "packet_order", "transport_delay"])
+def test_channels_of_packets(semantics):
+    """With delays that let packets overtake each other, and losses in some lanes."""
+    common = {"channel_*.semantics": semantics, "channel_*.delay_min": 0.0, "channel_*.delay_max": 0.06}
+    common |= {"channel_*.delay_interval": 0.015, "channel_*.delay_step": 0.03, "channel_*.delay_mean": 0.02}
+    lossy = {"channel_*.loss_to_bad": 0.05, "channel_*.loss_to_good": 0.2, "channel_*.loss_good": 0.01}
+    laws = ["constant", "uniform", "random_walk", "square", "sinusoidal"]
+    lanes = [common | {"channel_*.law": law, "channel_rl.seed": k} for k, law in enumerate(laws)]
+    check(
+        settings("sallam-stable", 1.0, *lanes, lanes[1] | lossy, lanes[0] | lossy | {"channel_*.interpolation": "hold"})
+    )
+
+
 def test_inputs_that_nothing_is_wired_into_keep_their_start_values():
     """The controllers pull towards a place of their own, arm_l is pushed: as the FMUs do, lane by lane."""
     base = load_scenario("sallam-stable").with_values({"experiment.stop": 0.5, "experiment.record_every": 1})
@@ -170,9 +205,10 @@ def test_bits_do_not_depend_on_the_width_of_the_lanes(flags, monkeypatch):
 
 REFUSED = {
     "experiment.bound is 0.5, and the kernel watches what it computes only": {"experiment.bound": 0.5},
-    "arm_l: its stribeck[1] is 0.01": {"arm_l.stribeck[1]": 0.01, "arm_l.stribeck_velocity": 0.1},
-    "channel_lr: its semantics is not that of a plain time delay": {"channel_lr.semantics": "newest_packet"},
-    "channel_rl: its loss_good is not that of a plain time delay": {"channel_rl.loss_good": 0.1},
+    "arm_l: its torque_saturation[1] is 0.01": {"arm_l.torque_saturation[1]": 0.01},
+    "arm_r: its coulomb_form[2] is 0.5": {"arm_r.coulomb_form[2]": 0.5},
+    "channel_rl: it loses samples of a plain time delay": {"channel_rl.loss_good": 0.1},
+    "channel_lr: its delay_max is below its delay_min": {"channel_lr.delay_min": 0.5},
     "controller_l: it has a step multiple": {"controller_l.step_multiple": 2},
     "operator: it has a step multiple": {"operator.step_multiple": 2},
     "arm_r: its contact_normal is zero": {"arm_r.contact_stiffness": 100.0},

@@ -1,0 +1,171 @@
+/* Channels: times that are delayed, all lanes side by side; packets, each lane for itself. As shared/channel.h. */
+#ifndef KERNEL_DELAY_H
+#define KERNEL_DELAY_H
+
+#include "part.h"
+
+/* --- channel ------------------------------------------------------------------------------------------------------ */
+
+#define AT(member) ((int64_t)(offsetof(VariableDelayChannelModel, member) / sizeof(real)))
+
+/* Place among the outputs of what shows an input: y of u, w of v. */
+static inline int64_t shown(int64_t input) {
+    return input >= AT(u) && input < AT(u) + 3 ? input - AT(u) : input - AT(v) + 3;
+}
+
+/* A lane's wired inputs in record k of the samples entered. */
+static inline double *past(const Component *c, int64_t k, int lane) {
+    return c->history + (lane * c->capacity + (k & (c->capacity - 1))) * c->n_inputs;
+}
+
+static inline void enter(Part *a, const Component *c, double stamp) {
+    const int64_t k = a->head++;
+    c->stamps[k & (c->capacity - 1)] = stamp;
+    for (int64_t i = 0; i < c->n_inputs; i++) {
+        const real u = values_of(a)[c->inputs[i]];
+        for (int lane = 0; lane < LANES; lane++) past(c, k, lane)[i] = LANE(u, lane);
+    }
+}
+
+static inline double stamp(const Component *c, int64_t k) {
+    return c->stamps[k & (c->capacity - 1)];
+}
+
+/* The last record whose stamp is at most the target, from where the delay in steps says that it is. */
+static inline int64_t find(const Component *c, int64_t newest, double target, double delay, double rate) {
+    int64_t k = newest - (int64_t)(delay * rate + 0.999);
+    if (k < 0) k = 0;
+    while (k < newest && stamp(c, k + 1) <= target + RING_SAME) k++;
+    while (k > 0 && stamp(c, k) > target + RING_SAME) k--;
+    return k;
+}
+
+/* Stamp and inputs, in every lane, of the record that follows the one shown. */
+static inline void look_ahead(Part *a, const Component *c, int64_t newest) {
+    const double *rows[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t k = a->at[lane], beyond = k + (k < newest);
+        rows[lane] = past(c, beyond, lane), LANE(a->next_stamp, lane) = stamp(c, beyond);
+    }
+    for (int64_t i = 0; i < c->n_inputs; i++) a->next[i] = gathered(rows, i);
+}
+
+/* Every lane looks for the last record whose stamp is at most its target: stamp and inputs of that. */
+static real seek(Part *a, const Component *c, int64_t newest, real target, double rate, real *inputs) {
+    const double *rows[LANES];
+    real from;
+    a->known = 1;
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t k = find(c, newest, LANE(target, lane), LANE(a->delay, lane), rate);
+        a->at[lane] = k, a->known = a->known && k < newest;
+        rows[lane] = past(c, k, lane), LANE(from, lane) = stamp(c, k);
+    }
+    for (int64_t i = 0; i < c->n_inputs; i++) inputs[i] = gathered(rows, i);
+    look_ahead(a, c, newest);
+    return from;
+}
+
+/* Moves every lane to that record: by one where that is right in all of them, as it is where delays are constant. */
+static inline real advance(Part *a, const Component *c, int64_t newest, real target, double rate, real *inputs) {
+    const real reached = a->next_stamp;
+    if (a->known) {
+        for (int64_t i = 0; i < c->n_inputs; i++) inputs[i] = a->next[i];
+        for (int lane = 0; lane < LANES; lane++) a->at[lane]++;
+        look_ahead(a, c, newest);
+        if (all((reached <= target + RING_SAME) & (a->next_stamp > target + RING_SAME))) return reached;
+    }
+    return seek(a, c, newest, target, rate, inputs);
+}
+
+/* d is read at receive time. */
+static inline void read_delays(Part *a, const Component *c, int64_t done) {
+    for (int lane = 0; lane < LANES; lane++) LANE(a->delay, lane) = c->series[lane][done * c->series_step[lane]];
+}
+
+/* --- packets ------------------------------------------------------------------------------------------------------ */
+
+/* Packet i of a lane, counted from the oldest: its stamp, its inputs. */
+static inline double *packet(const Part *a, const Component *c, int lane, int64_t i) {
+    return c->packets + (lane * c->capacity + ((a->first[lane] + i) & (c->capacity - 1))) * (1 + c->n_inputs);
+}
+
+/* A sample of time t joins a lane's ring, as shared/channel.h has it. */
+static inline void send(Part *a, const Component *c, int lane, double t, double delay) {
+    const double semantics = LANE(a->model.channel.semantics, lane);
+    const size_t size = (size_t)(1 + c->n_inputs) * sizeof(double);
+    double stamp = arrival_of(t, delay);
+    int64_t n = a->count[lane];
+    if (semantics == (double)SEMANTICS_TRANSPORT_DELAY && n > 0 && packet(a, c, lane, n - 1)[0] > stamp)
+        stamp = packet(a, c, lane, n - 1)[0];
+    if (semantics == (double)SEMANTICS_NEWEST_PACKET)
+        while (n > 1 && packet(a, c, lane, n - 1)[0] >= stamp) n--;
+    a->count[lane] = n + 1;
+    for (; n > 0 && packet(a, c, lane, n - 1)[0] > stamp; n--)
+        memcpy(packet(a, c, lane, n), packet(a, c, lane, n - 1), size);
+    packet(a, c, lane, n)[0] = stamp;
+    for (int64_t i = 0; i < c->n_inputs; i++) packet(a, c, lane, n)[1 + i] = LANE(values_of(a)[c->inputs[i]], lane);
+}
+
+/* The last packet that has arrived, those before it dropped, and the one behind it (itself, where there is none). */
+static inline void receive(Part *a, const Component *c, int lane, double t, const double **shown, const double **next) {
+    int64_t drop = 0;
+    while (drop + 1 < a->count[lane] && packet(a, c, lane, drop + 1)[0] <= t + RING_SAME) drop++;
+    a->first[lane] += drop, a->count[lane] -= drop;
+    *shown = packet(a, c, lane, 0);
+    *next = packet(a, c, lane, a->count[lane] > 1);
+}
+
+static inline void show_packets(const Component *c, const VariableDelayChannelModel *m, double t,
+                                const double *const *shown_now, const double *const *next, real *out) {
+    const real from = gathered(shown_now, 0), after = gathered(next, 0);
+    const real part = channel_part(m->semantics, m->interpolation, t - from, after - from);
+    for (int64_t i = 0; i < c->n_inputs; i++)
+        out[shown(c->inputs[i])] = channel_between(gathered(shown_now, 1 + i), gathered(next, 1 + i), part);
+}
+
+static void step_packets(Part *a, const Component *component, int64_t done, double t, real *out) {
+    const Component copy = *component, *c = &copy;
+    const double *now[LANES], *next[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const double delay = c->series[lane][(done + 1) * c->series_step[lane]];
+        if (!c->lost || c->lost[lane][done + 1] == 0.0) send(a, c, lane, t, delay);
+        receive(a, c, lane, t, now + lane, next + lane);
+    }
+    show_packets(c, &a->model.channel, t, now, next, out);
+}
+
+static void start_packets(Part *a, const Component *c) {
+    for (int lane = 0; lane < LANES; lane++) {
+        a->first[lane] = a->count[lane] = 0;
+        send(a, c, lane, 0.0, 0.0);
+        packet(a, c, lane, 0)[0] = CHANNEL_BEFORE;
+        send(a, c, lane, 0.0, c->series[lane][0]);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------------ */
+
+static void step_channel(Part *a, const Component *component, int64_t done, double t, double size, real *out) {
+    const Component copy = *component, *c = &copy;
+    const int64_t newest = a->head;
+    real before[CHANNEL_INPUTS];
+    enter(a, c, t);
+    if (a->varies) read_delays(a, c, done + 1);
+    const VariableDelayChannelModel *m = &a->model.channel;
+    const real target = channel_target(m->semantics, t, a->delay);
+    const real from = advance(a, c, newest, target, 1.0 / size, before),
+               part = channel_part(m->semantics, m->interpolation, target - from, a->next_stamp - from);
+    for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = channel_between(before[i], a->next[i], part);
+}
+
+static void start_channel(Part *a, const Component *c, real *out) {
+    if (c->packets) start_packets(a, c);
+    a->head = 0, a->known = 0, a->varies = 0;
+    for (int lane = 0; lane < LANES; lane++) a->varies = a->varies || c->series_step[lane];
+    read_delays(a, c, 0);
+    enter(a, c, CHANNEL_BEFORE);
+    enter(a, c, 0.0);
+    for (int i = 0; i < 3; i++) out[i] = a->model.channel.u[i], out[3 + i] = a->model.channel.v[i];
+}
+
+#endif

@@ -1,0 +1,122 @@
+/* Components at work in all lanes: their models, what Python says of them, what they remember. */
+#ifndef PART_H
+#define PART_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define JOINT_IN_LANES
+
+/* Laws work in registers: every function that is inline is put where it is called, whatever the compiler thinks of its size. */
+#ifdef __clang__
+#pragma clang diagnostic ignored "-Wkeyword-macro"
+#endif
+#define inline inline __attribute__((always_inline))
+
+#include "Environment_model.h"
+#include "Operator_model.h"
+#include "PLikeController_model.h"
+#include "PhantomArm_model.h"
+#include "VariableDelayChannel_model.h"
+
+#include "../Environment/law.h"
+#include "../Operator/law.h"
+#include "../PLikeController/law.h"
+#include "../PhantomArm/law.h"
+#include "../VariableDelayChannel/law.h"
+#include "../shared/layout.h"
+
+#define ARM_EFFECT_STATES 15 /* q_link, dq_link, z, z_short, z_long */
+#define MOST_STATES ARM_EFFECT_STATES
+#include "../shared/runge_kutta.h"
+
+enum { ARM, CONTROLLER, CHANNEL, OPERATOR, ENVIRONMENT, SERIES };
+
+/* A model: its variables by their value references, their start values, and the vectors (of three) that the store holds
+ * of them. */
+static const struct {
+    const char *name;
+    int64_t n_values;
+    const double *start;
+    const char *held;
+} models[] = {{"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip"},
+              {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
+              {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
+              {"Operator", Operator_VALUES, Operator_START, "f"},
+              {"Environment", Environment_VALUES, Environment_START, "f"},
+              {NULL, 0, NULL, NULL}};
+
+/* clang-format off */
+
+/* A component of the scenario, which steps once in every communication step; NULL where the kind has none. Inputs are
+ * numbered by their value references. */
+#define COMPONENT(FIELD) \
+    FIELD(int64_t, kind) \
+    FIELD(int64_t, n_inputs)  FIELD(const int64_t *, inputs)  /* those that are wired */ \
+    FIELD(int64_t, n_outputs)   /* that the store holds; SERIES: numbers in a row */ \
+    FIELD(int64_t, first)       /* place of its first output in half a store */ \
+    FIELD(int64_t, n_starts) FIELD(const int64_t *, started) FIELD(const real *, starts) /* instead of the table's */ \
+    FIELD(const double *const *, series) /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES][n + 1][n_outputs] */ \
+    FIELD(const int64_t *, series_step)  /* [LANES] 1, or 0 where the series is one constant row */ \
+    FIELD(double *, history)  /* CHANNEL: [LANES][capacity][n_inputs], wired inputs only */ \
+    FIELD(double *, stamps)   /* CHANNEL: [capacity] */ \
+    FIELD(int64_t, capacity)  /* a power of two, above the longest delay in steps + 4 */ \
+    FIELD(const double *const *, lost) /* CHANNEL of packets: [LANES] at steps 0..n, 1 where the sample is lost; NULL: none */ \
+    FIELD(double *, packets)  /* CHANNEL of packets: [LANES][capacity][1 + n_inputs] stamp, inputs; NULL: time delays */
+
+/* A wired input, numbered by its value reference: held at a place of the store, or from there along the line through the
+ * places `older` and `newer`, `span` seconds apart. */
+#define WIRE(FIELD) \
+    FIELD(int64_t, to) FIELD(int64_t, source) FIELD(int64_t, newer) FIELD(int64_t, older) FIELD(double, span)
+
+/* clang-format on */
+
+LAYOUT(Component, COMPONENT)
+LAYOUT(Wire, WIRE)
+LAYOUT_SHOWN(Component, COMPONENT)
+LAYOUT_SHOWN(Wire, WIRE)
+
+enum { CHANNEL_INPUTS = 6 };
+
+/* A component at work, in all lanes. */
+typedef struct {
+    union {
+        PhantomArmModel arm;
+        PLikeControllerModel controller;
+        VariableDelayChannelModel channel;
+        OperatorModel operator_;
+        EnvironmentModel environment;
+    } model;
+    real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
+    const Wire *lines;                                       /* ARM: [n_lines] */
+    int64_t n_lines;
+    double moved;     /* ARM: s, how far along */
+    double begun;     /* ARM, OPERATOR: s, time of the communication point */
+    uint64_t effects; /* ARM: bits by JOINT_PLACE of what any joint of any lane has beside friction */
+    int64_t coupled;  /* ARM: whether a joint of any lane feels another one */
+    double sine_at;   /* OPERATOR: s, time of its reference's sine */
+    real sine;
+    ArmPose pose; /* ARM: of the state */
+    int64_t head; /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
+    /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
+    int64_t at[LANES];
+    real delay, next_stamp, next[CHANNEL_INPUTS];
+    int64_t first[LANES], count[LANES]; /* CHANNEL of packets: those that a lane's ring holds */
+    int64_t known;                      /* CHANNEL: whether they are those of record at + 1 in every lane */
+    int64_t varies;                     /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */
+    int64_t alike;                      /* SERIES: whether all lanes have the same numbers */
+} Part;
+
+/* The variables of a component's model by their numbers. */
+static inline real *values_of(Part *a) {
+    return (real *)&a->model;
+}
+
+/* Number k of each lane's own numbers. */
+static inline real gathered(const double *const *p, int64_t k) {
+    real r;
+    for (int lane = 0; lane < LANES; lane++) LANE(r, lane) = p[lane][k];
+    return r;
+}
+
+#endif

@@ -156,9 +156,7 @@ def _unfit(variable: Variable, value: object, where: str) -> Problem | None:
     if variable.items and isinstance(value, str):
         if value in variable.items:
             return None
-        return Problem(
-            where, " or ".join(map(repr, variable.items)), repr(value), did_you_mean(value, variable.items)
-        )
+        return Problem(where, " or ".join(map(repr, variable.items)), repr(value), did_you_mean(value, variable.items))
     if not isinstance(value, (bool, int, float)) or not math.isfinite(value):
         return Problem(where, "a finite number", repr(value))
     return _unfit_number(variable, value, where)

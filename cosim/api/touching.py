@@ -69,14 +69,13 @@ def _charted(choice: LiveChoice, say: Callable[[str], None]) -> LiveChoice:
 
 
 def _chart(wiring: Wiring, say: Callable[[str], None]) -> GainMap:
-    groups = sliders_of(wiring)
-    coupled = coupling(groups)
-    if not coupled or not delay_laws(wiring):
+    found = coupling(sliders_of(wiring))
+    if found is None or not delay_laws(wiring):
         raise NoMapError("it needs a stiffness, a damping and a delay that can be set")
-    gains = {stem: groups[coupled, stem] for stem in ("stiffness", "damping")}
-    now = {stem: wiring.start(*names[0].split(".", 1)) for stem, names in gains.items()}
-    most = max(STEMS["stiffness"][1], 4.0 * now["stiffness"])
+    _, stiffness, damping = found
+    now = {names[0]: wiring.start(*names[0].split(".", 1)) for names in (stiffness, damping)}
+    most = max(STEMS["stiffness"][1], 4.0 * now[stiffness[0]])
     across = most * np.arange(1, PLACES + 1) / PLACES
-    beside = (LEVELS if now["damping"] else np.ones(1)) * now["damping"]
+    beside = (LEVELS if now[damping[0]] else np.ones(1)) * now[damping[0]]
     with open_system(wiring.scenario) as system:
-        return gain_map(wiring.scenario, system, (gains["stiffness"], across), (gains["damping"], beside), say)
+        return gain_map(wiring.scenario, system, (stiffness, across), (damping, beside), say)

@@ -112,7 +112,7 @@ def _told(choice: LiveChoice, arms: tuple[str, ...], module: Module, sliders: li
         "hand": {"stiffness": stiffness, "damping": 0.1 * stiffness},
         "ports": _ports(wiring),
         "map": None if choice.chart is None else _chart(choice.chart),
-        "coupling": coupling(sliders_of(wiring)),
+        "coupling": (coupling(sliders_of(wiring)) or ("",))[0],
         "no_map": choice.no_chart,
         "recorded": _recorded(wiring, arms[0]),
     }

@@ -54,6 +54,8 @@ class DelaySliders:
 STEMS: Mapping[str, tuple[str, float]] = {
     "stiffness": ("stiffness K", 1.0),
     "damping": ("damping B", 0.5),
+    "joint_stiffness": ("stiffness K", 1.0),
+    "joint_damping": ("damping B", 0.5),
     "loss_to_bad": ("loss: good to bad, per sample", 0.2),
     "loss_good": ("loss: in the good state, per sample", 0.5),
     "offset": ("wall: place", 0.1),
@@ -79,16 +81,27 @@ def slider_names(wiring: Wiring) -> dict[tuple[str, str], list[str]]:
     return groups
 
 
-def coupling(groups: Mapping[tuple[str, str], list[str]]) -> str:
-    """The model whose stiffness and damping couple the arms: the first that has sliders for both; empty without one."""
-    return next((model for model, stem in groups if stem == "stiffness" and (model, "damping") in groups), "")
+def coupling(groups: Mapping[tuple[str, str], list[str]]) -> tuple[str, list[str], list[str]] | None:
+    """The model whose stiffness and damping couple the arms, the first that has sliders for both, and the names of the
+    start values of each; None without one.
+    """
+    for model, stem in groups:
+        other = stem.replace("stiffness", "damping")
+        if stem in ("stiffness", "joint_stiffness") and (model, other) in groups:
+            return model, groups[model, stem], groups[model, other]
+    return None
 
 
 def _acts(wiring: Wiring, name: str, stem: str) -> bool:
-    """Whether a variable of a component does anything in this scenario: of an arm its wall, of a surface its place."""
+    """Whether a variable of a component does anything in this scenario: of an arm its wall, of a surface its place, of
+    a coupling the gains of the space that it acts in.
+    """
     variables = wiring.descriptions[name].variables
     if "q[1]" in wiring.descriptions[name].outputs:
         return stem.startswith("contact_") and wiring.start(name, "contact_stiffness") > 0
+    joint = "space" in variables and variables["space"].item(wiring.start(name, "space")) == "joint"
+    if "space" in variables and stem.endswith(("stiffness", "damping")) and stem.startswith("joint_") != joint:
+        return False
     if stem == "offset":
         return "surface" in variables and variables["surface"].item(wiring.start(name, "surface")) == "wall"
     return variables[stem if stem in variables else f"{stem}[1]"].causality not in ("input", "output")

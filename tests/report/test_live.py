@@ -1,6 +1,7 @@
 """The live page: the bits of `cosim run`, what is refused, and the page in a browser: drag, delay, keyboard."""
 
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -8,11 +9,13 @@ import pytest
 
 import cosim
 from cosim.analysis.gain_map import gain_map
+from cosim.api import touching
 from cosim.api.runs import checked
 from cosim.api.touching import models_of
 from cosim.fmu import descriptions, open_system
 from cosim.report.html import WEB
 from cosim.report.live import LiveChoice, write_live
+from cosim.report.live_controls import coupling, slider_names
 from cosim.wiring import wire
 from tests.support.browser import open_page
 from tests.support.commands import ended
@@ -21,6 +24,7 @@ from tests.support.paths import ROOT
 
 SCENARIOS = ("sallam-stable", "contact", "sallam-joint")
 DELAY = 0.3
+SHORT = {"experiment.stop": 1.0}
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +213,36 @@ def test_the_live_point_moves_on_the_map_and_jitter_makes_the_law_uniform(mapped
         borne = seen.evaluate("livePage.map.borne()")
         assert borne == pytest.approx(0.457, rel=0.06) and borne > 0.457
         assert seen.violations() == [] and seen.said == []
+
+
+def told_choices(file):
+    text = file.read_text(encoding="utf-8")
+    return json.loads(re.search(r'<script type="application/json" id="choices">(.*?)</script>', text)[1])
+
+
+def test_the_command_puts_the_map_into_the_page_or_says_why_there_is_none(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(touching, "PLACES", 2)
+    monkeypatch.setattr(touching, "LEVELS", np.ones(1))
+    code, out, _ = ended(capsys, "live", "sallam-nodelay", "--out", tmp_path / "mapped")
+    (told,) = told_choices(tmp_path / "mapped" / "live.html")
+    assert code == 0 and "live.html" in out
+    assert told["map"]["across"] == [0.5, 1.0] and told["map"]["beside"] == [0.09]
+    borne = cosim.stability(cosim.load("sallam-nodelay").with_values({"controller_*.stiffness": 0.5, **SHORT}))
+    assert 1 / told["map"]["inverse"][0][0] == pytest.approx(borne.to_dict()["spectrum"]["max_delay"], rel=1e-6)
+    (told,) = told_choices(cosim.live("recorded-delay", tmp_path / "recorded"))
+    assert told["map"] is None and told["no_map"] == "it needs a stiffness, a damping and a delay that can be set"
+
+
+def test_the_gains_of_a_page_are_those_of_the_space_that_the_coupling_acts_in():
+    for name, stem in (
+        ("sallam-joint", "joint_stiffness"),
+        ("sallam-stable", "stiffness"),
+        ("controllers", "stiffness"),
+    ):
+        groups = slider_names(checked(name))
+        assert [s for model, s in groups if s.endswith("stiffness") and model.endswith("Controller")] == [stem]
+        _, stiffness, damping = coupling(groups)
+        assert {n.partition("[")[0].partition(".")[2] for n in stiffness} == {stem} and len(stiffness) == len(damping)
 
 
 @pytest.fixture

@@ -246,7 +246,7 @@ class LivePage {
     byId("map-part").hidden = !map && !why;
     byId("no-map").textContent = why ? `This loop has no map: ${why}.` : "";
     this.map = !map || !law ? null : new LiveMap(byId("map"), map, {
-      model: coupling, wide: map.across[map.across.length - 1], high: Math.max(1, 4 * law.delay),
+      label: `${coupling}: stiffness K`, unit: this.scenario.sliders.find((s) => s.label === `${coupling}: stiffness K`).unit, wide: map.across[map.across.length - 1], high: Math.max(1, 4 * law.delay),
       at: () => ({ stiffness: of("stiffness K"), damping: of("damping B"), delay: this.values.get(`${law.label}: delay`), jitter: this.values.get(`${law.label}: jitter, to both sides`) }),
     });
   }

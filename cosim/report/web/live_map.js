@@ -2,7 +2,7 @@
 
 class LiveMap {
   /** told: across (n) and beside (m) gains, inverse (m x n) [1/s] of the delays borne; at: the point as it is now. */
-  constructor(host, told, { model, wide, high, at }) {
+  constructor(host, told, { label, unit, wide, high, at }) {
     Object.assign(this, { told, at });
     const count = 160, low = told.across[0], top = wide;
     this.x = Array.from({ length: count + 1 }, (_, k) => low + ((top - low) * k) / count);
@@ -11,14 +11,14 @@ class LiveMap {
       width: 300, height: 260, legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, range: [0, top] }, y: { range: [0, high] } },
       axes: [
-        { stroke: ink("soft"), size: 46, label: `${model}: stiffness K [N/m]`, labelSize: 16 },
+        { stroke: ink("soft"), size: 46, label: `${label} [${unit}]`, labelSize: 16 },
         { stroke: ink("soft"), size: 62, label: "delay each way [s]", labelSize: 16 },
       ],
       series: [{}, ...told.beside.map((_, k) => ({ stroke: () => ink(k === this.nearest() ? "blue" : "grey"), width: 2, dash: [told.beside.length > 1 ? [2, 4] : [], [], [10, 5]][k % 3] }))],
       hooks: { draw: [(u) => this.point(u)] },
     }, [this.x, ...curves], host);
     const key = document.createElement("p"), lines = [told.beside.length > 1 ? "dotted" : "drawn through", "drawn through", "dashed"];
-    key.textContent = `Greatest constant delay borne, for B = ${told.beside.map((v, k) => `${v.toPrecision(3)} N s/m (${lines[k % 3]})`).join(", ")}; blue where B is now, a red dot: the loop.`;
+    key.textContent = `Greatest constant delay borne, for B = ${told.beside.map((v, k) => `${v.toPrecision(3)} (${lines[k % 3]})`).join(", ")}; blue where B is now, a red dot: the loop.`;
     host.append(key);
     this.words = document.createElement("p");
     this.words.id = "map-says";

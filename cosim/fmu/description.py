@@ -151,9 +151,14 @@ def _optional(text: str | None) -> float | None:
 
 
 def _root(path: str) -> ElementTree.Element:
-    """The description itself, for what fmpy leaves out: annotations, derivatives in FMI 3.0."""
+    """The description itself, for what fmpy leaves out: annotations, derivatives in FMI 3.0. Raises InputError where
+    its encoding is not the one that it names, which fmpy's parser forgives.
+    """
     with ZipFile(path) as archive, archive.open("modelDescription.xml") as text:
-        return ElementTree.parse(text).getroot()
+        try:
+            return ElementTree.parse(text).getroot()
+        except ElementTree.ParseError as error:
+            raise InputError(Problem(f"{path}: modelDescription.xml", "XML in UTF-8", str(error))) from None
 
 
 def _differentiates(root: ElementTree.Element) -> bool:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -82,6 +83,16 @@ def test_limits_and_starts_that_contradict_each_other_are_refused(tmp_path, limi
     kind = ("k", 1, "parameter", "Real", {"start": 1} | limits)
     file = fmi2(tmp_path / "e.fmu", [X, kind])
     assert words in refusal(scenario(tmp_path, {"a": (file, {})}))
+
+
+def test_a_description_in_another_encoding_than_it_says_is_refused(tmp_path):
+    fmi2(tmp_path / "e.fmu")
+    with zipfile.ZipFile(tmp_path / "e.fmu") as archive:
+        text = archive.read("modelDescription.xml").decode()
+    head, rest = '<?xml version="1.0" encoding="UTF-8"?>', text.partition("?>")[2]
+    with zipfile.ZipFile(tmp_path / "f.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", (head + rest).encode("utf-16"))
+    assert "expected XML in UTF-8" in refusal(scenario(tmp_path, {"a": (tmp_path / "f.fmu", {})}))
 
 
 def test_a_start_value_against_its_limits_is_no_matter_where_the_run_has_another(tmp_path):

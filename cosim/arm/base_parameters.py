@@ -11,6 +11,10 @@ from cosim.arm.serial_dynamics import LINK_PARAMETERS, link_parameters, regresso
 
 DEPENDENT = 1e-9
 """A column whose part beside the columns before it is smaller than this share of it is dependent: rounding is 1e-14."""
+NOTHING = float(np.finfo(float).eps) / DEPENDENT
+"""A share of a combination, as a part of the largest, that is rounding: columns that are kept may be dependent to
+DEPENDENT, which enlarges rounding by its inverse.
+"""
 _CHUNK = 4096  # rows of a regressor formed at once
 
 
@@ -66,7 +70,7 @@ def base_parameters(model: SerialModel, seed: int = 1) -> BaseParameters:
             kept.append(int(k))
             basis = np.column_stack([basis, rest / size])
     grouping = np.linalg.lstsq(scaled[:, kept], scaled, rcond=None)[0] * norms / norms[kept, None]
-    return BaseParameters(np.array(kept), np.where(np.abs(grouping) > 1e-7 * np.abs(grouping).max(), grouping, 0.0))
+    return BaseParameters(np.array(kept), np.where(np.abs(grouping) > NOTHING * np.abs(grouping).max(), grouping, 0.0))
 
 
 def base_columns(

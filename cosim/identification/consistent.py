@@ -3,8 +3,9 @@
     minimise |W (Y params - tau)|^2 + sum ((phi - phi_0) / size)^2,   params = (grouping phi, friction, ...)
     [[tr(I)/2 1 - I, h], [h^T, m]] > 0 for every link, rotors and friction >= 0    (Wensing, Kim, Slotine, RA-L 2018)
 
-I is about the origin of the link's frame. The prior takes every parameter of a link to be known to its own size: the
-data decide where they can, the URDF where they cannot. The only module here that imports cvxpy.
+I is about the origin of the link's frame. The prior is a normal law about the URDF's values whose standard deviation is
+each parameter's own size (the equations are weighted by theirs, so that no weight is left to choose): the data decide
+where they can, the URDF where they cannot. The only module here that imports cvxpy.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,11 @@ from attrs import frozen
 from cosim.errors import InputError, Problem
 
 LEAST = 1e-6
-"""Of a pseudo-inertia's smallest eigenvalue, as a part of that of the link's sizes."""
+"""Of a pseudo-inertia's smallest eigenvalue, as a part of that of the link's sizes: a hundred times the feasibility to
+which the solver (Clarabel: 1e-8) keeps a condition, so that what it returns is positive definite.
+"""
+_NO_MASS, _NO_LENGTH = 1e-3, 1e-2
+"""kg and m: sizes of links where a URDF gives no mass at all, or bodies without extent. They only are units there."""
 _TRIANGLE = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
@@ -32,8 +37,8 @@ class BodyPrior:
         """(n, 2) mass [kg] and length [m] of each link: the length is its radius of gyration about the frame."""
         table = self.links.reshape(-1, 10)
         mass, trace = table[:, 0], table[:, 4] + table[:, 6] + table[:, 9]
-        mass = np.where(mass > 0, mass, max(float(mass.mean()), 1e-3))
-        return np.column_stack([mass, np.sqrt(np.maximum(0.5 * trace / mass, 1e-4))])
+        mass = np.where(mass > 0, mass, max(float(mass.mean()), _NO_MASS))
+        return np.column_stack([mass, np.sqrt(np.maximum(0.5 * trace / mass, _NO_LENGTH**2))])
 
 
 def consistent_fit(

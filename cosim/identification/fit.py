@@ -10,13 +10,17 @@ from cosim.identification.estimate import ParameterEstimate, estimate
 from cosim.identification.identifiability import Identifiability, identifiability
 from cosim.identification.intervals import Spread, spread
 from cosim.identification.linear_model import LinearModel
-from cosim.identification.method import Method
+from cosim.identification.method import LeaveOut, Method
 from cosim.identification.models import linear_model
 from cosim.identification.stack import Stack, coulomb_label, stack, with_columns, without
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording
 
 WIDER = 4  # times that the rows left out round a servo's dead band may grow
+MARGIN = 1.5
+"""Of a dead band: rows up to there are left out in the next fit. An estimate from rows of which some lie within the
+band is too small; the fits go on until none does.
+"""
 BAND = Label("dead_band")
 
 
@@ -82,14 +86,16 @@ def fit(recording: Recording, method: Method) -> Fit:
         band = abs(dict(zip(found.base.labels, found.params.tolist(), strict=True)).get(BAND, 0.0))
         if band <= found.method.dead_band:
             break
-        found = _fit(recording, evolve(found.method, dead_band=1.5 * band))
+        found = _fit(recording, evolve(found.method, dead_band=MARGIN * band))
     return found
 
 
 def _smallest_error(recording: Recording) -> float:
-    """A tenth of the usual error of a servo; 0 without one whose dead band is to be found."""
+    """The share of a servo's usual error below which its sign is not known, as that of a speed is not (`LeaveOut`); 0
+    without a servo whose dead band is to be found.
+    """
     errors = [(run.tau / run.servo).ravel() for run in recording.runs if run.servo is not None]
-    return 0.1 * float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else 0.0
+    return LeaveOut().share * float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else 0.0
 
 
 def _fit(recording: Recording, method: Method) -> Fit:

@@ -10,7 +10,11 @@ from cosim.errors import InputError, Problem
 from cosim.measured.filtering import FilteredMotion, FirstOrder, LowPass, Window, ZeroPhase, bandwidth, near_reversal
 from cosim.measured.recording import Recording
 
-LADDER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the usual cutoffs; the last lies at three times the motion's band
+LADDER = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Shares of the usual cutoffs, half an octave apart: the variance that noise of q has in the acceleration goes with the
+fifth power of the cutoff, so each is a factor of six. The last lies at three times the motion's band; a window of that
+cutoff still passes the band itself, and all of the equation goes through it alike.
+"""
 
 
 class Reversals(ABC):
@@ -37,6 +41,8 @@ class Reversals(ABC):
 @frozen
 class LeaveOut(Reversals):
     """Rows near a reversal are left out: |dq| below `share` of its rms, widened by what the filters smear.
+
+    A sine is below a tenth of its rms for a twentieth of the time: so many rows are the price of sure signs.
 
     On the rows that are left the sign may still be smoothed, over `smoothing` [rad/s], where the friction's law is
     known.

@@ -14,14 +14,21 @@ from cosim.identification.excitation import COUNT, HIGHEST, LOWEST, Excitation
 from cosim.identification.regressor import friction_columns
 
 SHARE = 0.8
-"""Of every limit (angle about the middle, speed, effort) that the motion may use."""
+"""Of every limit (angle about the middle, speed, effort) that the motion may use: room for what a controller
+overshoots, 20 % at a phase margin of about 50 degrees.
+"""
 TURN = np.pi
 """Reach [rad] to either side of joints without limits."""
-_STEP = 0.05  # s, between the states that are looked at
+_STEP = 0.05  # s between the states that are looked at: 25 in a period of the fastest sinusoid (5 rad/s)
 
 
 def robot_excitation(model: SerialModel, duration: float = 60.0, seed: int = 0, rounds: int = 100) -> Excitation:
-    """The best of a seeded random search. Raises InputError where no motion stays inside the limits."""
+    """The best of a seeded random search. Raises InputError where no motion stays inside the limits.
+
+    A (1+1) evolution strategy (Rechenberg 1973): each step is a random one, kept where it is better; steps grow after a
+    success and shrink after a failure, by factors that keep their size where one in ten succeeds (0.1 log 1.3 = -0.9
+    log 0.97). Phases are moved by a radian at first and never by more than two, beyond which a phase is any phase.
+    """
     random, base = np.random.default_rng(seed), base_parameters(model)
     best = inside(model, _first(model, random), duration)
     score, width = condition_number(model, base, best, duration), 1.0

@@ -18,8 +18,14 @@ PILED = 3.0
 PARABOLA = 1 + np.sqrt(2.0)
 FEWEST = 12  # rows
 GROUP = 3  # rows that stand together
-VISITS = 3  # times that a signal with nothing next to its extreme is there: a command of few values is, too
-LEVELS = 50  # values that a signal has elsewhere: one of fewer shows nothing
+VISITS = (
+    3  # times that a signal with nothing next to its extreme must be there: a limit holds each time, chance does not
+)
+LEVELS = 50
+"""Values that a signal must have: a command of fewer (steps, a switch) may sit at its largest for a fiftieth of the
+rows or more, as it does at each of the others.
+"""
+ENOUGH = 64  # rows: of fewer FEWEST are a fifth, and a sine is in the outer tenth of its range for a fifth of the time
 
 
 def marked(stretch: Stretch, notes: Notes) -> Stretch:
@@ -49,7 +55,7 @@ def _limits(values: np.ndarray) -> list[float]:
 def at_extreme(values: np.ndarray) -> np.ndarray:
     """Rows (n,) of a signal that sit at its largest or its smallest value, where they are too many to be turning."""
     finite = np.isfinite(values)
-    if finite.sum() < 64:
+    if finite.sum() < ENOUGH:
         return np.zeros(len(values), bool)
     width = _width(values[finite])
     return _at_top(np.where(finite, values, -np.inf), width) | _at_top(np.where(finite, -values, -np.inf), width)

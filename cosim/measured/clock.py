@@ -15,7 +15,12 @@ from cosim.measured.stretch import Stretch
 SIGNS = 4.5  # standard deviations of the share of smaller errors, 3e-6
 SHARED = np.sqrt(5.0)  # rows that two neighbouring errors have in common
 SMOOTHER = 0.7  # median error on the even grid over that on the stamps
-JOINS = 3.0  # usual second differences that a joint between rows may have
+JOINS = 3.0
+"""Usual second differences (their 95 % quantile) that a joint between rows may have: of a normal law 1.96 standard
+deviations, so that one in 2e8 joints of a motion that goes on has more.
+"""
+MISSED = 1.5  # steps: longer ones are nearer to two than to one, so that a row is missing or the clock was set
+SELDOM = 64  # rows for each time that a clock is set: one that jumps more often is no clock that was set
 COPIED = 16  # rows in succession that repeat earlier ones
 
 
@@ -60,8 +65,8 @@ def continued(stretch: Stretch, notes: Notes) -> Stretch:
     step = float(np.median(steps)) if len(steps) else 0.0
     if not stretch.positions or step <= 0:
         return stretch
-    for kind, places in (("back", np.flatnonzero(steps < 0)), ("forward", np.flatnonzero(steps > 1.5 * step))):
-        if len(places) > max(len(time) // 64, 1):
+    for kind, places in (("back", np.flatnonzero(steps < 0)), ("forward", np.flatnonzero(steps > MISSED * step))):
+        if len(places) > max(len(time) // SELDOM, 1):
             continue
         going = [int(k) for k in places if _goes_on(stretch, int(k))]
         joined = [k for k in going if kind == "back" or _leaps(stretch, k, step)]
@@ -84,7 +89,7 @@ def _leaps(stretch: Stretch, k: int, step: float) -> bool:
     for column in stretch.positions:
         q = stretch.signals[:, column]
         speed = (q[k] - q[k - 2] + q[k + 3] - q[k + 1]) / 4
-        if abs(speed) * (rows - 1) > 2 * JOINS * _usual_bend(q, k):
+        if abs(speed) * (rows - 1) > 2 * JOINS * _usual_bend(q, k):  # a joint on either side of the gap
             return True
     return False
 

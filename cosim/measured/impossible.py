@@ -16,8 +16,8 @@ APART = 3.0  # ratio of neighbouring order statistics that separates impossible 
 FAR = 10.0  # the same for values of a signal that may jump; n^-9
 SHARE = 0.1  # of the rows that may be impossible; where more are, the signal is another one
 SHORT = 5  # rows; what is at most this long is interpolated over
-FEW = 5  # times that an encoder takes a new zero in one recording; more jumps belong to another kind of signal
-LONE = 64  # values that stand out at all, from which the largest can be told
+FEW = 5  # new zeros of an encoder in one recording: someone resets it by hand; more jumps belong to another signal
+LONE = 64  # values that stand out at all: of so many the largest is APART the next by chance in n^-2 = 2e-4
 COUNTS = 8.0  # smallest steps of the column: what is below is the encoder's own rounding
 NINES = tuple(sign * (10.0**k - 1) for k in range(3, 10) for sign in (1, -1))
 ENDS = tuple(float(v) for b in (15, 16, 31, 32) for v in (2**b, 2**b - 1, -(2**b), 1 - 2**b))

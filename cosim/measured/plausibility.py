@@ -11,9 +11,9 @@ from cosim.measured.recording import Recording, Run
 
 FASTEST = 2000.0  # rad/s, 19000 turns a minute: faster than drives of robots turn; 35 rad/s in degrees are more
 ROUGHER = 10.0  # times: a position is its torque integrated twice
-TURNS = 2.0  # that a link swings over at most
+TURNS = 2.0  # that a link swings over at most: cables and hoses in a joint bear one to either side of the middle
 WARMER = 10.0  # K: viscous friction of greased joints changes by 1 to 3 % per K
-SUPPLY = 0.05  # of the supply
+SUPPLY = 0.05  # of itself: by as much a torque commanded as duty cycle is off, more than intervals usually are wide
 KELVINS = ("degC", "°C", "C", "K")
 RATIO = (180 / np.pi, "degrees in some runs and radians in others")
 PER_MILLE = (1e3, "thousandths in some runs and whole units in others")

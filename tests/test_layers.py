@@ -27,6 +27,7 @@ HEAVY = {
     "h5py": {"cosim.results.files", "cosim.measured.hdf5"},  # our results, and files of laboratories
     "matplotlib": {"cosim.report.canvas"},
     "jinja2": {"cosim.report.html"},
+    "typeguard": {"cosim.api.asked"},
     "markdown_it": {"cosim.report.manual"},
     "dask": {"cosim.sweeps.cluster"},
     "distributed": {"cosim.sweeps.cluster"},

@@ -14,12 +14,13 @@ from cosim.closure.model.model import Model, complete, with_choices
 from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
 from cosim.closure.model.setting import formulate
 from cosim.closure.refusal import Refusal, circular, motion_refusals
-from cosim.closure.score.dependence import beyond_noise
+from cosim.closure.score.checks import incomplete, unseparated
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
-from cosim.closure.score.selection import Rule, Selection, polished, select
+from cosim.closure.score.search import MOST, Search, resettled, search
 from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
+from cosim.effects.constants import HALF
 from cosim.errors import InputError, Problem
 from cosim.measured import Label, Recording
 from cosim.measured.rates import at_one_rate
@@ -27,18 +28,15 @@ from cosim.measured.rates import at_one_rate
 if TYPE_CHECKING:
     from cosim.closure.replay import Replay
 
-POOR = 50.0  # RMS%: a model that leaves more of every joint's torque is too poor to add effects to
-NO_BETTER = 0.99  # of the held-out error: names that leave more explain nothing
-
 
 @frozen
 class Options:
-    """The rule of the claims, the effects to look for, those of an earlier pass, whether to replay, and a function that
-    is called with what is being done.
+    """The effects to look for, those of an earlier pass, how many to add at most, whether to replay, and a function
+    that is called with what is being done.
     """
 
-    rule: Rule = Rule()
     effects: tuple[Effect, ...] = field(factory=library)
+    most: int = MOST
     previous: tuple[ChosenEffect, ...] = ()
     replayed: bool = True
     progress: Callable[[str], None] = lambda text: None
@@ -55,7 +53,7 @@ class Closure:
     recording: Recording
     verdict: ClosureVerdict
     before: Model | None = None
-    selection: Selection | None = None
+    search: Search | None = None
     error: TorqueError | None = None
     floor: tuple[float | None, ...] = ()
     replay: Replay | None = None
@@ -81,11 +79,10 @@ def close_loop(recording: Recording, options: Options = Options()) -> Closure:
     if refusals:
         return _refused(recording, refusals, before)
     if options.previous:
-        before = polished(with_choices(before, options.previous))
+        before = resettled(with_choices(before, options.previous))
     progress("searching for missing effects")
-    selection = select(before, options.effects, options.rule, progress)
-    verdict = judge(selection, options.effects, options.rule, progress)
-    return _completed(recording, before, selection, verdict, options)
+    found = search(before, options.effects, options.most, progress)
+    return _completed(recording, found, judge(found, options.effects, progress), options)
 
 
 def _unloaded(recording: Recording) -> Recording:
@@ -103,73 +100,61 @@ def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | 
     )
 
 
-def _completed(
-    recording: Recording, before: Model, selection: Selection, verdict: ClosureVerdict, options: Options
-) -> Closure:
-    """The closure of a verdict: errors, floor, replay and warnings are added."""
+def _completed(recording: Recording, found: Search, verdict: ClosureVerdict, options: Options) -> Closure:
+    """The closure of a verdict. Here the rows of the report are looked at, for the first time and once."""
+    before = evolve(found.before, tangents=False)
     verdict = _no_worse(verdict, before)
-    _, best = verdict.models()
-    verdict = _without_names(verdict, before, torque_error(before, best))
     model, best = verdict.models()
     closure = Closure(
         recording,
         verdict,
         before,
-        selection,
+        found,
         torque_error(before, best),
         floor(before),
         values_before=_values(recording, before),
         values_after=_values(recording, model),
         effect_values=effects_drive(recording.device).start_values(_of_effects(model)),
-        warnings=(*recording.warnings, *_warnings(before, verdict), *_ended(selection)),
+        warnings=(*recording.warnings, *_warnings(before, verdict), *_ended(found)),
     )
     return _replayed(closure, options) if options.replayed else closure
 
 
 def _no_worse(verdict: ClosureVerdict, before: Model) -> ClosureVerdict:
-    """The verdict without additions that make held-out rows of their joints worse, with reversals and without, and
-    without names that make them no better.
+    """The verdict without what the rows of the report contradict: a smooth correction that makes them worse, names that
+    make them no better, names on a model that explains less than half of the torque.
     """
     model, best = verdict.models()
     if _worse(torque_error(model, best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=model)
-    earlier, new = ([f for f in verdict.findings if f.earlier is kind] for kind in (True, False))
-    joints = {j - 1 for f in new for j in f.joints if not f.effect.of_time}
-    if joints and _worse(error := torque_error(before, model), joints, NO_BETTER):
-        text = "held-out rows are no better with it"
-        withdrawn = (*verdict.withdrawn, *((f, text) for f in new))
-        missing = verdict.leftovers or _worse(error, joints) or beyond_noise(before)
-        answer = Answer.UNEXPLAINED if missing else Answer.COMPLETE
-        verdict = evolve(
-            verdict, answer=answer, findings=tuple(earlier), withdrawn=withdrawn, model=before, best=before
-        )
-    return verdict
-
-
-def _worse(error: TorqueError, joints: set[int], limit: float = 1.01) -> bool:
-    """Whether the mean ratio of after to before over the joints is above a limit, with reversals and without."""
-    moving = [j for j in joints if np.isfinite(error.before[j])]
-    pairs = ((error.before, error.after), (error.all_before, error.all_after))
-    return bool(moving) and all(
-        np.mean([after[j] / max(before[j], 1e-12) for j in moving]) > limit for before, after in pairs
+    new = tuple(f for f in verdict.findings if not f.earlier)
+    joints = {j for f in new for j in f.acting}
+    text = "rows of the report are no better with it" if joints and _worse(torque_error(before, model), joints) else ""
+    error = torque_error(before, verdict.models()[1])
+    least = min((e for e in (*error.before, *error.after) if np.isfinite(e)), default=0.0)
+    poor = least > 100 * HALF
+    if poor:
+        text = f"the model explains less than half of the torque (RMS error {least:.0f} %): no effect can be named"
+    if not text:
+        return verdict
+    answer = Answer.UNEXPLAINED if poor or new or verdict.leftovers or incomplete(before) else Answer.COMPLETE
+    return evolve(
+        verdict,
+        answer=answer,
+        findings=() if poor else tuple(f for f in verdict.findings if f.earlier),
+        withdrawn=(*verdict.withdrawn, *((f.choice, text) for f in (verdict.findings if poor else new))),
+        model=before,
+        best=before,
+        warnings=(*verdict.warnings, text) if poor else verdict.warnings,
     )
 
 
-def _without_names(verdict: ClosureVerdict, before: Model, error: TorqueError) -> ClosureVerdict:
-    """The verdict, without names where the best model leaves more than half of every joint's torque unexplained."""
-    least = min((e for e in error.after if np.isfinite(e)), default=0.0)
-    if verdict.answer is Answer.REFUSED or least <= POOR:
-        return verdict
-    text = f"the model explains less than half of the held-out torque (RMS error {least:.0f} %): no effect can be named"
-    withdrawn = (*verdict.withdrawn, *((f, text) for f in verdict.findings))
-    return evolve(
-        verdict,
-        answer=Answer.UNEXPLAINED,
-        findings=(),
-        withdrawn=withdrawn,
-        model=before,
-        best=before,
-        warnings=(*verdict.warnings, text),
+def _worse(error: TorqueError, joints: set[int]) -> bool:
+    """Whether the mean ratio of after to before over the joints is above one, with reversals and without."""
+    moving = [j for j in joints if np.isfinite(error.before[j])]
+    pairs = ((error.before, error.after), (error.all_before, error.all_after))
+    return bool(moving) and all(
+        np.mean([after[j] / max(before[j], 1e-12) for j in moving]) > 1 for before, after in pairs
     )
 
 
@@ -211,7 +196,8 @@ def _top(model: Model, joint: int) -> float:
 def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
     out = list(verdict.warnings)
     out += [
-        f"{f.name} on joint(s) {', '.join(map(str, f.joints))} was withdrawn: {why}" for f, why in verdict.withdrawn
+        f"{c.effect.name} on joint(s) {', '.join(str(j + 1) for j in c.joints)} was withdrawn: {why}"
+        for c, why in verdict.withdrawn
     ]
     motion, rows = before.setting.motion, before.setting.rows
     share = 1 - rows.moving.mean(axis=0)
@@ -226,7 +212,13 @@ def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
             f"({before.skew / motion.sample:.2g} samples): taken as sampling, "
             "not as an effect"
         )
-    out += _range_warnings(motion)
+    out += [*_range_warnings(motion), *unseparated(before)]
+    out += [f"{e.run}, {e.time:.3f} s, joint {e.joint + 1}: {e.kind}" for e in verdict.events]
+    out += [
+        f"{f.name} on joint(s) {', '.join(map(str, f.joints))}: this form of it is in no FMU, the FMU after lacks it"
+        for f in verdict.findings
+        if f.parameters and not any(label.index or label.name.isidentifier() for label in f.parameters)
+    ]
     lags = [f for f in verdict.findings if f.name in ("actuator_lag", "time_delay")]
     if lags:
         out.append(
@@ -237,12 +229,12 @@ def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
     return out
 
 
-def _ended(selection: Selection) -> list[str]:
+def _ended(found: Search) -> list[str]:
     """Whether the search was ended while it still found something."""
-    if not selection.steps or selection.steps[-1].taken is None:
+    if not found.steps or found.steps[-1].taken is None:
         return []
     return [
-        f"the search ended after {len(selection.steps)} rounds, the last of which still found an effect: "
+        f"the search ended after {len(found.steps)} rounds, the last of which still found an effect: "
         "another pass that starts from this one's effects.toml goes on"
     ]
 
@@ -275,7 +267,12 @@ def _replayed(closure: Closure, options: Options) -> Closure:
         )
     except (InputError, RunError) as error:
         return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))
-    return evolve(closure, replay=result, warnings=(*closure.warnings, *(result.warnings if result else ())))
+    if result is None:
+        return closure
+    doubt = tuple(w for w in result.warnings if w.startswith(("the replay is worse", "no replay of the model after")))
+    findings = tuple(evolve(f, doubts=(*f.doubts, *doubt)) for f in closure.verdict.findings)
+    verdict = evolve(closure.verdict, findings=findings)
+    return evolve(closure, verdict=verdict, replay=result, warnings=(*closure.warnings, *result.warnings))
 
 
 __all__ = ["Answer", "Closure", "NamedEffect", "Options", "close_loop"]

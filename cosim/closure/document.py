@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from cosim.closure.closure import Closure
-from cosim.closure.score.dependence import Leftover
-from cosim.closure.score.evidence import EffectEvidence
+from cosim.closure.score.naming import Leftover
 from cosim.closure.verdict import Answer, NamedEffect
 from cosim.measured import Label
 
@@ -24,7 +23,11 @@ def answer(closure: Closure) -> dict[str, Any]:
         "warnings": list(closure.warnings),
         "device": closure.recording.device.word,
         "joints": list(closure.recording.joints),
-        "withdrawn": [{"name": f.name, "joints": list(f.joints), "reason": why} for f, why in verdict.withdrawn],
+        "events": [{"time": e.time, "run": e.run, "joint": e.joint + 1, "kind": e.kind} for e in verdict.events],
+        "simulation_error": None,
+        "withdrawn": [
+            {"name": c.effect.name, "joints": [j + 1 for j in c.joints], "reason": why} for c, why in verdict.withdrawn
+        ],
         "candidates": _candidates(closure),
         "untestable": _untestable(closure),
         "model": {"before": closure.values_before, "after": closure.values_after},
@@ -32,36 +35,31 @@ def answer(closure: Closure) -> dict[str, Any]:
     }
 
 
-def evidence(e: EffectEvidence) -> dict[str, Any]:
-    """Numbers that support a claim."""
-    return {
-        "p_value": e.p,
-        "squared_error_removed": {"fitted_blocks": e.gain_fit, "held_out_blocks": e.gain_held},
-        "standard_errors": {"fitted_blocks": e.t_fit, "held_out_blocks": e.t_held},
-        "share_of_torque": e.size,
-    }
-
-
 def _finding(found: NamedEffect) -> dict[str, Any]:
     return {
         "name": found.name,
+        "family": found.family,
+        "level": found.level,
         "joints": list(found.joints),
         "parameters": {str(label): value for label, value in found.parameters.items()},
         "interval": {str(label): list(pair) for label, pair in found.interval.items()},
         "effective": [str(label) for label in effective(found)],
         "indistinguishable_from": list(found.aliases),
         "separated_by": found.separated_by,
-        "evidence": evidence(found.evidence)
-        | {
+        "evidence": {
+            "nats": found.nats,
+            "standard_errors": found.sure_by,
+            "doubts": list(found.doubts),
             "equation": found.effect.equation,
             "source": found.effect.source,
             "earlier_pass": found.earlier,
             "also_close": [name for name in found.alike if name not in found.aliases],
             "rivals": [
                 {
-                    "name": r.evidence.name,
-                    "joints": [j + 1 for j in r.evidence.joints],
+                    "name": r.choice.effect.name,
+                    "joints": [j + 1 for j in r.choice.joints],
                     "worse_by_standard_errors": _number(r.worse),
+                    "nats": r.nats,
                 }
                 for r in found.rivals[:6]
             ],
@@ -88,19 +86,19 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
         out.append(
             {
                 "name": "unknown",
+                "family": found[0].family.title,
+                "level": "family",
                 "joints": [joint + 1],
                 "parameters": {},
                 "interval": {},
                 "signals": signals,
                 "indistinguishable_from": [],
-                "separated_by": found[0].separated_by,
-                "evidence": evidence(found[0].evidence)
-                | {
+                "separated_by": found[0].family.separated_by,
+                "evidence": {
                     "sure": found[0].sure,
-                    "depends_on": [
-                        {"signals": list(x.signals), "form": x.form, "squared_error_removed": x.evidence.gain_fit}
-                        for x in found[:6]
-                    ],
+                    "nats": found[0].nats,
+                    "share_of_torque": found[0].share,
+                    "depends_on": [{"signals": list(x.signals), "form": x.family.title, "nats": x.nats} for x in found],
                 },
             }
         )
@@ -152,23 +150,29 @@ def _replay(closure: Closure) -> dict[str, Any] | None:
 
 
 def _candidates(closure: Closure) -> list[dict[str, Any]]:
-    if closure.selection is None:
+    if closure.search is None:
         return []
-    out = []
-    for number, step in enumerate(closure.selection.steps, 1):
-        for e, state in step.decisions:
-            out.append(
-                {"round": number, "name": e.name, "joints": [j + 1 for j in e.joints], "decision": state} | evidence(e)
-            )
-    return out
+    return [
+        {
+            "round": number,
+            "name": x.choice.effect.name,
+            "joints": [j + 1 for j in x.choice.joints],
+            "nats": float(x.gain[0]),
+            "z": x.z,
+            "clear": x.clear,
+            "share_of_torque": x.share,
+        }
+        for number, step in enumerate(closure.search.steps, 1)
+        for x in step.found
+    ]
 
 
 def _untestable(closure: Closure) -> list[dict[str, Any]]:
-    if closure.selection is None:
+    if closure.search is None:
         return []
     return [
         {"name": c.choice.effect.name, "joints": [j + 1 for j in c.choice.joints], "reason": c.reason}
-        for c in closure.selection.untestable
+        for c in closure.search.untestable
     ]
 
 
@@ -196,7 +200,8 @@ def sentence(closure: Closure) -> str:
         return f"model_complete: no effect is missing that this data can show{beside}. {held}"
     left = "; ".join(dict.fromkeys(map(_left, verdict.leftovers[:3])))
     if verdict.answer is Answer.UNEXPLAINED:
-        left = left or next((f"{f.name} was withdrawn: {why}" for f, why in verdict.withdrawn), "")
+        left = left or next((f"{c.effect.name} was withdrawn: {why}" for c, why in verdict.withdrawn), "")
+        left = left or next((f"{e.run}, {e.time:.3f} s: {e.kind}" for e in verdict.events), "")
         return f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
     rest = f" Something else is left without a name ({left})." if left else ""
     return f"effect_found: {new}{beside}. {held}{rest}"
@@ -205,7 +210,7 @@ def sentence(closure: Closure) -> str:
 def _left(leftover: Leftover) -> str:
     signals = " and ".join(leftover.signals)
     if leftover.sure:
-        words = leftover.dependence.words
+        words = leftover.family.words
         return f"the residual of joint {leftover.joint + 1} depends on {signals}{words and f': {words}'}"
     return (
         f"joint {leftover.joint + 1} leaves more than its sensors' noise; no "

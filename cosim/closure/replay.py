@@ -39,7 +39,6 @@ JITTER = 0.005  # of the torque: the largest share that encoder noise on that pa
 BLOCK = 0.5  # s, blocks of the bootstrap
 LATE = 0.7 / GUIDE  # s: half of the lag above which the guiding PD is unstable
 LEAST = 0.5  # of the judged rows: a model that reaches fewer has no replay error
-WORSE = 1.2  # times the error before: a replay above that, beyond its interval, is said to disagree
 LAGS = ("actuator_lag", "time_delay")
 SIDES = ("before", "after")
 
@@ -454,9 +453,7 @@ def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -
 def _worse(before: Sequence[float], after: Sequence[float], interval: Sequence[tuple[float, float]]) -> list[str]:
     """In words: joints whose replay is clearly worse with the model after."""
     pairs = zip(before, after, interval, strict=True)
-    joints = [
-        f"joint {j} {b:.2f} -> {a:.2f} %" for j, (b, a, (low, _)) in enumerate(pairs, 1) if a > WORSE * b and low > b
-    ]
+    joints = [f"joint {j} {b:.2f} -> {a:.2f} %" for j, (b, a, (low, _)) in enumerate(pairs, 1) if low > b]
     if not joints:
         return []
     return [

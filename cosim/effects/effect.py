@@ -3,12 +3,12 @@ and which other effects look like it.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from attrs import frozen
 
-from cosim.effects.motion import Columns, Joints, Motion, Theta
+from cosim.effects.motion import Columns, Joints, Theta
 from cosim.effects.scene import Scene
 from cosim.measured.label import Label
 
@@ -34,7 +34,6 @@ class Alias:
 
     name: str
     separated_by: str
-    reach: float = 0.75  # share of the effect's gain from which on the other counts as indistinguishable
     always: bool = False  # no motion distinguishes the two: listed even where details of the friction law seem to
 
 
@@ -51,10 +50,8 @@ class Effect(ABC):
     """Its columns jump with the motion and need the first smoothing filter as well."""
     dynamic: bool = False
     """Its columns are formed from the model's own prediction and change with it."""
-    measured: bool = False
-    """Its columns are formed from the measured torque, a part of which they explain by themselves."""
-    late: bool = False
-    """It delays the recorded torque by theta; its one coefficient is the delay that theta lacks."""
+    nameless: bool = False
+    """It is a smooth function without a name, with a penalty instead of a law."""
     of_time: bool = False
     """It is a function of time. Held-out rows lie at other times, so they only may not contradict it."""
     actuator: bool = False
@@ -66,15 +63,13 @@ class Effect(ABC):
 
     form: float = 0.02
     """Standard deviation, as a share of a value, that the filter and the form of the friction law alone can cause."""
-    least: float = 0.0
-    """Share of the squared error that it has to remove, where encoder noise fed back into the command looks like it."""
     slack: float = 0.0
     """Samples by which an interval is extended downwards: the delay that recording itself may add."""
     signals: tuple[str, ...] = ()
-    """Signals of its joint that its torque is a function of. A dependence of its size on others is then tested."""
+    """Signals of its joint that its torque is a function of, such as ("q", "dq"): its family."""
+    family: str = ""
+    """On what the torque depends, in words, where `signals` do not say it."""
     aliases: tuple[Alias, ...] = ()
-    relatives: tuple[str, ...] = ()
-    """Effects that differ from it in details only, so that a residual without a name leaves them undecided."""
     needs: str = ""
     """What the data must contain to show it."""
 
@@ -99,9 +94,19 @@ class Effect(ABC):
         """Columns for each of several thetas, for effects that form them faster together than one by one."""
         return [self.columns(scene, joints, theta) for theta in thetas]
 
-    @abstractmethod
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
-        """The FMU parameter that each coefficient is."""
+        """The FMU parameter that each coefficient is; the first is named as the effect where nothing else is said."""
+        return (Label(self.name),)
+
+    def family_of(self, joints: Joints) -> str:
+        """On what its torque depends, in words."""
+        if self.family or not self.signals:
+            return self.family or "the motion of the arm"
+        names = (
+            f"history of q{joints[0] + 1}" if "history" in s else s if s == "time" else f"{s}{joints[0] + 1}"
+            for s in self.signals
+        )
+        return f"a torque that depends on {' and '.join(names)}"
 
     def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         """The FMU parameter that each nonlinear parameter is."""
@@ -110,14 +115,6 @@ class Effect(ABC):
     def continuous(self, theta: Theta) -> tuple[int, ...]:
         """Which nonlinear parameters are continuous and may be refined; none by default."""
         return ()
-
-    def richer(self, theta: Theta) -> Theta | None:
-        """theta of a form with more parameters, taken where it leaves a much smaller error; None without one."""
-        return None
-
-    def handicap(self, scene: Scene, theta: Theta) -> float:
-        """Factor on the squared error of values of the grid that need better evidence than the others; else 1."""
-        return 1.0
 
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
@@ -134,18 +131,6 @@ class Effect(ABC):
         """
         return tuple(alias for alias in self.aliases if alias.always)
 
-    def related(self, other: "Effect") -> bool:
-        """Whether one of the two lists the other as its alias."""
-        return other.name in {a.name for a in self.aliases} or self.name in {a.name for a in other.aliases}
-
-    def delivered(self, motion: Motion, torque: np.ndarray, theta: Theta) -> np.ndarray:
-        """The torque (n, k) that is delivered for a recorded one, by effects that are `late`."""
-        return torque
-
-    def amount(self, beta: np.ndarray, theta: Theta) -> np.ndarray:
-        """The size of the effect (k,): zero where it is absent."""
-        return beta + np.array(theta) if self.late else beta
-
     def precision(self, count: int) -> np.ndarray:
         """Prior precision (count,) of the coefficients: one over the variance of each about zero, 0 for no prior."""
         return np.zeros(count)
@@ -153,14 +138,6 @@ class Effect(ABC):
     def untestable(self, scene: Scene, joints: Joints) -> str:
         """Why this data cannot show the effect; empty where it can."""
         return ""
-
-    def vague(self, scene: Scene, joints: Joints, theta: Theta) -> str:
-        """What the data lack to distinguish the effect from others without a name; empty where they have it."""
-        return ""
-
-    def other_laws(self, scene: Scene, joints: Joints) -> Mapping[str, np.ndarray]:
-        """Laws of one joint without a name that could act like this one: in words -> columns (n, k)."""
-        return {}
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         """Why the estimate cannot be this effect; empty where it can."""

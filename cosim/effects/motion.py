@@ -77,7 +77,3 @@ class Motion(Protocol):
     def rate(self, x: np.ndarray) -> np.ndarray:
         """The time derivative of a smooth signal x (n, ...)."""
         ...
-
-    def advanced(self, x: np.ndarray, seconds: float, order: int = 1) -> np.ndarray:
-        """x(t + seconds) (n, k) within each run."""
-        ...

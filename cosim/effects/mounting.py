@@ -70,12 +70,13 @@ class EncoderOffset(Effect):
         Alias("position_torque", "a mechanical reference of its zero"),
     )
 
+    def joint_sets(self, scene: Scene) -> tuple[Joints, ...]:
+        """Joints on whose angle anything in the model depends."""
+        idle = () if scene.arm is None else filter(scene.arm.geometry.idle, range(scene.joints))
+        return tuple((j,) for j in range(scene.joints) if j not in set(idle))
+
     def untestable(self, scene: Scene, joints: Joints) -> str:
-        if scene.rigid_slopes is None:
-            return "the device has no equations of motion"
-        if scene.arm is not None and scene.arm.geometry.idle(joints[0]):
-            return f"nothing in the model depends on q{joints[0] + 1}"
-        return ""
+        return "the device has no equations of motion" if scene.rigid_slopes is None else ""
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return displaced(scene, joints[0], -np.ones((len(scene.motion.time), 1)))

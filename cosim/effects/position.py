@@ -10,6 +10,8 @@ from cosim.effects.motion import Columns, Joints, Motion, Theta
 from cosim.effects.scene import Scene
 from cosim.measured.label import Label
 
+FEWEST = 1.4  # cycles of a ripple within the range of the motion
+
 
 class PositionFriction(Effect):
     """A Coulomb level that changes around the turn."""
@@ -17,17 +19,35 @@ class PositionFriction(Effect):
     name = "position_friction"
     amplitude = True
     title = "Coulomb friction that depends on the angle"
-    equation = "tau += (a sin q + b cos q) s(dq)"
+    equation = "tau += (a sin n q + b cos n q) s(dq), n cycles a turn"
     signals: tuple[str, ...] = ("q", "dq")
     source = "eccentric bearings and gears; Armstrong-Helouvry 1991"
     aliases: tuple[Alias, ...] = (Alias("load_friction", "the same angles under another load"),)
 
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
+        """Orders from one wave a turn, which even a part of a turn shows, to the highest that the filter passes."""
+        span, (_, top) = scene.angle_range(joints[0]), scene.speed_range(joints[0])
+        highest = min(1.0 / (scene.motion.widths.total * max(top, 1e-9)), 24.0)
+        orders = np.arange(1.0, max(highest, 1.0) + 1e-9, max(min(1.0, np.pi / max(span, 1e-9)), 0.1))
+        return tuple((float(n),) for n in orders[:60] if n == 1.0 or n * span > 2 * np.pi * FEWEST)
+
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
+        return () if theta[0] == 1.0 else (0,)
+
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
-        q, s = scene.motion.q[:, joints], scene.sign[:, joints]
+        q, s = theta[0] * scene.motion.q[:, joints], scene.sign[:, joints]
         return {joints[0]: np.concatenate((np.sin(q) * s, np.cos(q) * s), axis=1)}
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
-        return (per_joint("position_friction_sin", joints), per_joint("position_friction_cos", joints))
+        """FMU parameters of one cycle a turn; other orders are in no FMU."""
+        names = ("position_friction_sin", "position_friction_cos")
+        if theta[0] == 1.0:
+            return tuple(per_joint(name, joints) for name in names)
+        return tuple(Label(f"{name} of n q{joints[0] + 1}") for name in names)
+
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
+        order = {} if estimate.theta[0] == 1.0 else {Label(f"n of joint {estimate.joints[0] + 1}"): estimate.theta[0]}
+        return super().parameters(estimate) | order
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
         return "the joint turns less than 0.2 rad" if scene.angle_range(joints[0]) < 0.2 else ""
@@ -35,7 +55,7 @@ class PositionFriction(Effect):
     def unphysical(self, estimate: EffectEstimate) -> str:
         j = estimate.joints[0]
         low, high = np.percentile(estimate.scene.motion.q[:, j], (1, 99))
-        q = np.linspace(low, high, 50)
+        q = estimate.theta[0] * np.linspace(low, high, 50)
         level = estimate.scene.coulomb[j] + estimate.beta[0] * np.sin(q) + estimate.beta[1] * np.cos(q)
         slack = 3 * np.abs(estimate.std).sum()
         return "the Coulomb level would be negative within the range of motion" if level.min() < -slack else ""
@@ -45,9 +65,9 @@ class PositionTorque(Effect):
     """A torque that only depends on the angle: cable, return spring, counterbalance."""
 
     name = "position_torque"
+    signals: tuple[str, ...] = ("q",)
     title = "torque that depends on the angle"
     equation = "tau += k q (+ k3 q^3), or + k q + k2 q^2 (+ k3 q^3), or + a sin q + b cos q"
-    signals: tuple[str, ...] = ("q",)
     source = "Taati et al. 2008, section 4.2 (counterbalance); cable harness"
     unit = "N.m/rad"
     sharp = False
@@ -80,17 +100,6 @@ class PositionTorque(Effect):
 
     def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         return dict(zip(self.labels(estimate.joints, estimate.theta), map(float, estimate.beta), strict=True))
-
-    def unphysical(self, estimate: EffectEstimate) -> str:
-        """A torque that hardly changes over the motion (by a tenth of its mean) is an offset, whatever its
-        polynomial.
-        """
-        torque = self.columns(estimate.scene, estimate.joints, estimate.theta)[estimate.joints[0]] @ estimate.beta
-        constant = np.std(torque) < 0.1 * abs(np.mean(torque))
-        return "only its constant differs from zero: a torque offset" if constant else ""
-
-
-FEWEST = 1.4  # cycles of a ripple within the range of the motion
 
 
 class TorqueRipple(Effect):
@@ -161,17 +170,14 @@ class Hysteresis(Effect):
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
     )
-    relatives: tuple[str, ...] = ("joint_elasticity", "backlash")
     FIRST, RATIOS = (2.0, 0.2), (1.2, 8.0)  # ratio and tilt at which the search begins, least and largest ratio
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
-        return tuple((float(x), 0.0, 0.0) for x in scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9))
+        lengths = scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9)
+        return tuple((float(x), *form) for form in ((0.0, 0.0), self.FIRST) for x in lengths)
 
     def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0, 1, 2) if theta[1] else (0,)
-
-    def richer(self, theta: Theta) -> Theta | None:
-        return None if theta[1] else (theta[0], *self.FIRST)
 
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         length, ratio, tilt = super().moved(theta, index, step) if index < 2 else (*theta[:2], theta[2] + step)

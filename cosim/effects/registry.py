@@ -189,12 +189,6 @@ def _are_all_columns(value: object, arguments: tuple[Any, ...]) -> bool:
     )
 
 
-def _are_laws(value: object, arguments: tuple[Any, ...]) -> bool:
-    return isinstance(value, Mapping) and all(
-        isinstance(words, str) and _are_columns({0: x}, arguments) for words, x in value.items()
-    )
-
-
 def _are_labels(value: object, arguments: tuple[Any, ...]) -> bool:
     return isinstance(value, tuple) and all(isinstance(label, Label) for label in value)
 
@@ -222,10 +216,8 @@ _COLUMNS = "joint (from 0) -> array (n, k) of finite numbers, n the rows of scen
 _TEXT = ("a text", lambda value, arguments: isinstance(value, str))
 _EXPECTED: dict[str, tuple[str, Callable[[object, tuple[Any, ...]], bool]]] = {
     "precision": ("an array (count,) of finite numbers >= 0", _is_precision),
-    "handicap": ("a finite number > 0", lambda value, arguments: _finite(value) and value > 0),
     "columns": (_COLUMNS, _are_columns),
     "columns_of_all": (f"a list with the columns of each theta, {_COLUMNS}", _are_all_columns),
-    "other_laws": ("text -> array (n, k) of finite numbers", _are_laws),
     "labels": ("texts in a tuple", _are_labels),
     "theta_labels": ("texts in a tuple", _are_labels),
     "parameters": ("text -> finite number", _are_values),
@@ -236,6 +228,5 @@ _EXPECTED: dict[str, tuple[str, Callable[[object, tuple[Any, ...]], bool]]] = {
         lambda value, arguments: isinstance(value, tuple) and all(isinstance(alias, Alias) for alias in value),
     ),
     "untestable": _TEXT,
-    "vague": _TEXT,
     "unphysical": _TEXT,
 }

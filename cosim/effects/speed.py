@@ -1,7 +1,5 @@
 """Effects of the speed of a joint: offset, asymmetries, Stribeck, quadratic drag."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
@@ -10,8 +8,6 @@ from cosim.effects.scene import Scene
 from cosim.measured.label import Label
 
 ENDED = 0.5  # Stribeck speed over the largest speed: above it the end of its fall is not seen
-CLEAR = 3.0  # times the Stribeck speed that are seen: above it the curve is a law of the low speeds
-POWERS = (1.5, 3.0)  # of the speed, of laws that a quadratic drag is compared with
 RISEN = 0.5  # the smooth sign of the friction law at the Stribeck speed
 
 
@@ -121,17 +117,6 @@ class Stribeck(Effect):
     def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return (per_joint("stribeck_velocity", joints), per_joint("stribeck_exponent", joints))
 
-    def vague(self, scene: Scene, joints: Joints, theta: Theta) -> str:
-        seen = scene.speed_range(joints[0])[1] / theta[0]
-        return (
-            ""
-            if seen > CLEAR
-            else (
-                f"speeds of more than {CLEAR:g} times the Stribeck speed "
-                f"({seen:.2g} here): what falls so slowly may rise first"
-            )
-        )
-
     def unphysical(self, estimate: EffectEstimate) -> str:
         if estimate.beta[0] < 0:
             return (
@@ -166,10 +151,6 @@ class QuadraticDrag(Effect):
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("quadratic_drag", joints),)
-
-    def other_laws(self, scene: Scene, joints: Joints) -> Mapping[str, np.ndarray]:
-        dq = scene.motion.dq[:, joints]
-        return {f"a drag by the power {power:g} of the speed": dq * np.abs(dq) ** (power - 1) for power in POWERS}
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         return "negative drag feeds energy in" if estimate.beta[0] < 0 else ""

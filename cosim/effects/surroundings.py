@@ -10,7 +10,6 @@ from cosim.measured.label import Label
 
 DAMPED = 0.15  # of a wall's spring force: a smaller damping is indistinguishable from none, whatever its sign
 LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
-UNUSUAL = 1.1  # times the squared error of another time constant than the usual one, which chance alone may improve
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
@@ -23,6 +22,7 @@ class FrictionDrift(Effect):
     """
 
     name = "friction_drift"
+    signals = ("time", "dq")
     of_time = True
     title = "friction that drifts with time"
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
@@ -39,9 +39,6 @@ class FrictionDrift(Effect):
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         return tuple((float(share * np.ptp(scene.motion.time)),) for share in (1.0, LASTING, 2.0, 0.5, 0.2, 0.08))
-
-    def handicap(self, scene: Scene, theta: Theta) -> float:
-        return 1.0 if np.isclose(theta[0], np.ptp(scene.motion.time)) else UNUSUAL
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         m, j = scene.motion, joints[0]

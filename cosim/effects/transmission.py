@@ -55,16 +55,17 @@ class JointElasticity(Effect):
     """
 
     name = "joint_elasticity"
+    signals = ("history of q", "tau")
+    smooths = True
+    family = "what happens between motor and link"
     title = "elastic joint"
     equation = "q_link = q - t, k t + c t' = torque of the link at q_link, tau = J ddq + that torque"
     source = "Spong 1987, J. Dyn. Sys. Meas. Control 109"
     unit = "1"
-    smooths = True
     form: float = 0.06  # noise of the encoder stands in the twist, most of all at the resonance
     sharp = False
     dynamic = True
     aliases: tuple[Alias, ...] = (Alias("backlash", _OTHER), Alias("actuator_lag", _OTHER))
-    relatives: tuple[str, ...] = ("backlash", "actuator_lag")
     needs = "fast excitation, or gravity that changes with the angle"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
@@ -154,7 +155,6 @@ class Backlash(JointElasticity):
         Alias("hysteresis", _OTHER),
         Alias("time_delay", _OTHER),
     )
-    relatives: tuple[str, ...] = ("joint_elasticity", "time_delay")
     needs = "a transmitted torque that changes sign"
 
     def untestable(self, scene: Scene, joints: Joints) -> str:

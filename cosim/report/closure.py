@@ -9,7 +9,6 @@ from cosim.closure.closure import Closure
 from cosim.closure.document import effective, sentence
 from cosim.closure.model.model import Model
 from cosim.closure.output import write
-from cosim.closure.score.dependence import strongest
 from cosim.closure.score.errors import torque
 from cosim.closure.verdict import Answer
 from cosim.errors import InputError, Problem
@@ -56,7 +55,7 @@ def _unit(closure: Closure) -> str:
 
 
 def _models(closure: Closure) -> tuple[Model, Model] | None:
-    if closure.before is None or closure.selection is None:
+    if closure.before is None or closure.search is None:
         return None
     return closure.before, closure.verdict.models()[1]
 
@@ -272,47 +271,29 @@ def _parameters(closure: Closure) -> Section | None:
 
 
 def _candidates(closure: Closure) -> Section | None:
-    if closure.selection is None:
+    if closure.search is None:
         return None
     tables = []
-    for number, step in enumerate(closure.selection.steps, 1):
+    for number, step in enumerate(closure.search.steps, 1):
         rows = []
-        for e, state in step.decisions[:14]:
-            rows.append(
-                (
-                    e.name,
-                    [j + 1 for j in e.joints],
-                    100 * e.gain_fit,
-                    100 * e.gain_held,
-                    e.t_fit,
-                    e.t_held,
-                    e.p,
-                    100 * e.size,
-                    state,
-                )
-            )
-        header = (
-            "effect",
-            "joints",
-            "removed, fitted [%]",
-            "removed, held out [%]",
-            "t fitted",
-            "t held out",
-            "p",
-            "share of torque [%]",
-            "decision",
-        )
+        taken = step.taken and step.taken.choices[-1].key
+        for x in step.found[:14]:
+            state = "taken" if x.choice.key == taken else "clear of chance" if x.clear else "within chance"
+            joints = [j + 1 for j in x.choice.joints]
+            rows.append((x.choice.effect.name, joints, x.gain[0], x.z, 100 * x.share, state))
+        header = ("effect", "joints", "gain [nats]", "z", "share of torque [%]", "decision")
         tables.append(Table(header, rows, f"Round {number}: candidates beside what was accepted before", digits=3))
     untestable = [
         (c.choice.effect.name, [j + 1 for j in c.choice.joints], c.reason, c.choice.effect.needs)
-        for c in closure.selection.untestable
+        for c in closure.search.untestable
     ]
     if untestable:
         tables.append(Table(("effect", "joints", "why", "needs"), untestable, "What this data cannot show"))
     text = (
-        f"{closure.selection.trials} regressions were tried; p counts all of them. "
-        f"Errors are those of blocks that the fit has not seen; "
-        "rigid body and friction are refitted with every candidate."
+        f"{closure.search.trials} hypotheses were tried. Gains are in nats of the recorded torque; z is the gain in "
+        "standard deviations of what chance makes of this very recording (signs of its pieces at random), and has to "
+        "pass the largest that chance makes of the whole library; rigid body and friction are fitted again with every "
+        "candidate."
     )
     return Section("Candidates and evidence", text, tables)
 
@@ -321,22 +302,18 @@ def _leftovers(closure: Closure) -> Section | None:
     rows = [
         (
             x.joint + 1,
-            x.form + ("" if x.sure else " (comes closest; more than the sensors' noise is left)"),
-            100 * x.evidence.gain_fit,
-            x.evidence.t_fit,
-            x.evidence.p,
+            x.family.title + ("" if x.sure else " (comes closest; more than the sensors' noise is left)"),
+            x.nats,
         )
         for x in closure.verdict.leftovers[:12]
     ]
     rows += [
         (
-            ", ".join(map(str, f.joints)),
-            f"{f.name} (withdrawn): {why}",
-            100 * f.evidence.gain_fit,
-            f.evidence.t_fit,
-            f.evidence.p,
+            ", ".join(str(j + 1) for j in c.joints),
+            f"{c.effect.name} (withdrawn): {why}",
+            None,
         )
-        for f, why in closure.verdict.withdrawn
+        for c, why in closure.verdict.withdrawn
     ]
     if not rows:
         return None
@@ -344,9 +321,7 @@ def _leftovers(closure: Closure) -> Section | None:
         "Functions that are fitted, not known, still lower the error of "
         "blocks that the fit has not seen, without a name."
     )
-    return Section(
-        "What is left without a name", text, [Table(("joint", "what it is", "removed [%]", "t", "p"), rows, digits=3)]
-    )
+    return Section("What is left without a name", text, [Table(("joint", "what it is", "gain [nats]"), rows, digits=3)])
 
 
 def _replay(closure: Closure) -> Section | None:
@@ -377,12 +352,10 @@ def _next(closure: Closure) -> Section | None:
         for f in closure.verdict.findings
         if f.aliases
     ]
-    lines += [
-        f"joint {x.joint + 1}, {x.form}: {x.separated_by}." for x in strongest(closure.verdict.leftovers).values()
-    ]
-    if closure.selection is not None:
+    lines += [f"joint {x.joint + 1}, {x.family.title}: {x.family.separated_by}." for x in closure.verdict.leftovers]
+    if closure.search is not None:
         needs = {
-            c.choice.effect.name: c.choice.effect.needs for c in closure.selection.untestable if c.choice.effect.needs
+            c.choice.effect.name: c.choice.effect.needs for c in closure.search.untestable if c.choice.effect.needs
         }
         lines += [f"To see {name}: {need}." for name, need in needs.items()]
     return Section("What to measure next", "\n\n".join(lines)) if lines else None

@@ -13,6 +13,7 @@ import pytest
 
 import tests.support.arm_oracle as oracle
 from cosim.closure.drive import ArmDrive
+from cosim.closure.model.smoothing import Widths
 from cosim.effects.moving_arm import moving_arm
 from cosim.effects.registry import BUILT_IN
 from cosim.effects.scene import Scene
@@ -22,6 +23,8 @@ from tests.support.model_harness import CompiledModel
 ROWS, TAU = 12, np.array([0.05, -0.08, 0.03])
 VISCOUS, COULOMB = np.array([1e-3, 2e-3, 1.5e-3]), np.array([0.02, 0.01, 0.015])
 THETA = {
+    "load_friction": (0.0,),
+    "position_friction": (1.0,),
     "friction_drift": (5.0,),
     "stribeck": (0.3, 2.0),
     "torque_ripple": (11.0,),
@@ -55,6 +58,7 @@ def scene() -> Scene:
         test=np.zeros(ROWS, bool),
         joints=3,
         step=1.0,
+        widths=Widths(0.01, 0.01),
         other={},
         tau_raw=np.tile(TAU, (ROWS, 1)),
     )

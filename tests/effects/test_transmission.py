@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from build_fmus.library import library_path, vectors
 from cosim.closure.closure import Options, close_loop
-from cosim.closure.model.candidates import Normal
+from cosim.closure.score.null import Screen
 from cosim.effects import library
 from cosim.effects.transmission import behind
 from cosim.engine.master import run
@@ -159,5 +159,5 @@ def test_a_link_that_gravity_pulls_off_its_spring_is_no_column():
     model = closed("actuator_lag").before
     columns = behind(model.scene, 2, ((0.5, 0.01, 0.9),))[0]
     assert all(np.isfinite(x).all() for x in columns.values())
-    runaway = {1: np.full(((~model.setting.rows.test).sum(), 1), np.nan)}
-    assert Normal(model).gain(runaway, library()[0]) is None
+    screen = Screen(model, robust=False)
+    assert screen.added({1: np.full((len(screen.fitted), 1), np.nan)}, library()[0]) is None

@@ -1,5 +1,14 @@
-"""The model as it stands: the complete model with the effects chosen so far, fitted by blocks."""
+"""A hypothesis about the recorded torque: the complete model with some laws and nameless functions, fitted by blocks.
 
+    u_i = [ A ( X beta + sum_k C_k(theta_k) beta_k ) ]_i + e_i          for the rows i in motion of each joint
+
+X: rigid body, viscous and Coulomb friction with a fitted smooth sign, and the tangent of that sign's width, so that its
+misfit is no evidence. A: what a lag or delay does to the *prediction* (u = p + T dp/dt, u(t) = p(t + d)). Saturation
+and dead band have no inverse: the delivered torque T(u) is explained, and each row carries log J, its change of
+variables.
+"""
+
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -10,11 +19,15 @@ from cosim.closure.model.formed import FormedColumns
 from cosim.closure.model.friction import FORMS, FrictionLaw, laws
 from cosim.closure.model.gram import Gram, GramFit, accumulate, fit
 from cosim.closure.model.setting import Setting
-from cosim.effects import Effect, EffectEstimate, Scene
+from cosim.effects import EffectEstimate, Scene
+from cosim.effects.actuator import Erasing, Late
+from cosim.effects.constants import HALF
 from cosim.effects.motion import Columns, Joints, Slopes
 from cosim.measured import Label
 
 FELT = 0.01  # of the squared torque of an effect: joints with a smaller share do not count
+FEWEST_ROWS = 50  # of a joint that is judged
+TANGENT = 1.03  # factor of the width between whose sides the tangent lies
 
 
 @define(eq=False)
@@ -22,8 +35,8 @@ class Model:
     """Complete model and chosen effects on a setting: weighted design (J, m, p), its normal equations and the fit.
 
     laws: one friction law a joint; skew [s]: how late the recorded torque acts because of sampling; weight (J,): one
-    over the noise scale [1/(N.m)]; columns: those of each choice, joint -> (m, k); seen: the scene that they were
-    formed from; formed: columns that all models of the setting share.
+    over the noise scale [1/(N.m)]; seen: the scene that columns are formed from, None for a model without effects;
+    formed: columns that all models of the setting share; tangents: whether the width of each sign is left free.
     """
 
     setting: Setting
@@ -32,31 +45,100 @@ class Model:
     weight: np.ndarray
     formed: FormedColumns = field(repr=False)
     choices: tuple[ChosenEffect, ...] = ()
-    columns: tuple[Columns, ...] = ()
     seen: Scene | None = None
+    tangents: bool = True
+
+    def late(self, joint: int) -> ChosenEffect | None:
+        """The lag or delay of a joint, of which there is one at most."""
+        return next((c for c in self.choices if isinstance(c.effect, Late) and joint in c.joints), None)
+
+    def erasing(self, joint: int) -> tuple[ChosenEffect, ...]:
+        """Saturation and dead band of a joint."""
+        return tuple(c for c in self.choices if isinstance(c.effect, Erasing) and joint in c.joints)
 
     @cached_property
     def base(self) -> np.ndarray:
-        """Design (J, m, p0) of the complete model, unweighted: linear columns, viscous and Coulomb friction of each
-        joint.
-        """
-        s = self.setting
-        count = len(s.labels)
-        out = np.zeros((s.joints, s.y.shape[1], count + 2 * s.joints))
-        out[:, :, :count] = s.linear
-        for j in range(s.joints):
-            out[j, :, count + j] = s.viscous[j]
-            out[j, :, count + s.joints + j] = self.sign(j)
+        """Design (J, m, p0) of the complete model, unweighted."""
+        return np.stack([self._base(j) for j in range(self.setting.joints)])
+
+    def _base(self, joint: int) -> np.ndarray:
+        key = joint, self.laws[joint], self.late(joint), self.tangents
+        if key not in self.formed.base:
+            self.formed.base[key] = self._base_of(joint)
+        return self.formed.base[key]
+
+    def _base_of(self, joint: int) -> np.ndarray:
+        """(m, p0): linear columns, then viscous, Coulomb and width of each joint."""
+        s, law, late = self.setting, self.laws[joint], self.late(joint)
+        count, nj = len(s.labels), s.joints
+        dq = s.motion.dq[:, [joint]]
+        out = np.zeros((s.y.shape[1], count + (3 if self.tangents else 2) * nj))
+        body = s.body.columns[:, joint]
+        if late is None:
+            out[:, :count] = s.linear[joint]
+        elif count:
+            out[:, :count] = self.passed(body, s.device.recorded_columns, joint)
+        out[:, [count + joint]] = self.passed(dq, False, joint)
+        out[:, [count + nj + joint]] = self.passed(law(dq), True, joint)
+        if self.tangents and law.width > 0:
+            wide, narrow = (evolve(law, width=law.width * f)(dq) for f in (TANGENT, 1 / TANGENT))
+            out[:, [count + 2 * nj + joint]] = self.passed((wide - narrow) / (2 * np.log(TANGENT)), True, joint)
         return out
 
-    def sign(self, joint: int) -> np.ndarray:
-        """The smooth sign (m,) of a joint by its friction law."""
-        return self.formed.sign(joint, self.laws[joint])
+    def passed(self, full: np.ndarray, sharp: bool, joint: int) -> np.ndarray:
+        """Full-rate columns (n, k) of a joint's prediction, through its lag or delay, filtered and thinned (m, k)."""
+        s, late = self.setting, self.late(joint)
+        if late is None:
+            return s.rows.filtered(full, sharp)
+        assert isinstance(late.effect, Late), "what is late has a command"
+        m = s.motion
+        dense = m.smooth(full, m.widths.total if sharp else m.widths.second)
+        return late.effect.command(m, dense, s.rows.index, late.theta)
 
     @cached_property
+    def columns(self) -> tuple[Columns, ...]:
+        """Filtered columns of each choice, joint -> (m, k); none of effects that act on the whole prediction."""
+        return tuple(self.columns_of(c) for c in self.choices)
+
+    def columns_of(self, choice: ChosenEffect, scene: Scene | None = None) -> Columns:
+        """Filtered columns of a choice, formed from a scene; those that depend on neither model nor lag are kept for
+        all models.
+        """
+        if isinstance(choice.effect, Late | Erasing):
+            return {j: np.zeros((len(self.setting.rows.index), 0)) for j in choice.joints}
+        scene = scene or self.seen or self.scene
+        key = choice.effect.key, choice.joints, choice.theta, self.laws, tuple(map(self.late, choice.joints))
+        if not choice.effect.dynamic and key in self.formed.static:
+            return self.formed.static[key]
+        full = choice.effect.columns(scene, choice.joints, choice.theta)
+        out = {j: self.passed(values, choice.effect.sharp, j) for j, values in full.items()}
+        if not choice.effect.dynamic:
+            self.formed.static[key] = out
+        return out
+
+    @cached_property
+    def delivered(self) -> tuple[np.ndarray, np.ndarray]:
+        """The torque (J, m) to explain, and the share (J, m) of each row's kernel that no effect erases."""
+        s = self.setting
+        y, kept = s.y.copy(), np.ones_like(s.y)
+        for j in range(s.joints):
+            if self.late(j) is None:
+                y[j] -= self.skew * s.slope[j]
+            if erasing := self.erasing(j):
+                lost, left = self.formed.erased(j, erasing)
+                y[j] -= lost
+                kept[j] = left
+        return y, kept
+
+    @property
     def target(self) -> np.ndarray:
-        """The torque (J, m) that the columns explain: behind the chosen lags and delays, without the sampling skew."""
-        return _target(self, self.choices)
+        """The torque (J, m) that the columns explain, without the sampling skew."""
+        return self.delivered[0]
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Share (J, m) of each row that saturation and dead band leave."""
+        return self.delivered[1]
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -64,15 +146,15 @@ class Model:
         return (self.setting.use * self.weight[:, None])[..., None]
 
     @cached_property
-    def design(self) -> np.ndarray:
-        """Weighted design (J, m, p)."""
-        blocks = [self.base, *(spread(c, self.setting) for c in self.columns)]
-        return np.concatenate(blocks, axis=2) * self.scale
+    def unweighted(self) -> np.ndarray:
+        """Design (J, m, p) of all rows."""
+        return np.concatenate([self.base, *(spread(c, self.setting) for c in self.columns)], axis=2)
 
-    @cached_property
-    def y(self) -> np.ndarray:
-        """Weighted target (J, m)."""
-        return self.target * self.scale[..., 0]
+    def design_of(self, joint: int) -> np.ndarray:
+        """Design (m, p) of one joint."""
+        none = len(self.setting.rows.index)
+        parts = (c.get(joint, np.zeros((none, _width(c)))) for c in self.columns)
+        return np.concatenate([self._base(joint), *parts], axis=1)
 
     @cached_property
     def gram(self) -> Gram:
@@ -80,39 +162,112 @@ class Model:
         rows = self.setting.rows
         run = np.zeros(rows.blocks, int)
         run[rows.block] = self.setting.motion.run[rows.index]
-        normal = accumulate(self.design, self.y, rows.block, rows.blocks, rows.train_blocks)
-        return evolve(normal, shrunk=self.setting.shrunk, group=run[: rows.train_blocks], precision=self.precision)
+        y = self.target * self.scale[..., 0]
+        normal = accumulate(self.unweighted * self.scale, y, rows.block, rows.blocks, rows.train_blocks)
+        return evolve(
+            normal,
+            shrunk=self.setting.shrunk,
+            group=run[: rows.train_blocks],
+            precision=self.precision,
+            smooth=self.smooth,
+        )
 
     @cached_property
     def precision(self) -> np.ndarray:
         """Prior precision of the coefficients (p,): Effect.precision of the chosen effects."""
-        known = [
-            c.effect.precision(next(iter(columns.values())).shape[1])
-            for c, columns in zip(self.choices, self.columns, strict=True)
-        ]
+        known = [c.effect.precision(_width(x)) for c, x in zip(self.choices, self.columns, strict=True)]
         return np.concatenate([np.zeros(self.base.shape[2]), *known])
 
-    @property
+    @cached_property
+    def smooth(self) -> np.ndarray:
+        """(p,) one for columns of nameless functions."""
+        known = [np.full(_width(x), float(c.effect.nameless)) for c, x in zip(self.choices, self.columns, strict=True)]
+        return np.concatenate([np.zeros(self.base.shape[2]), *known])
+
+    @cached_property
     def normal(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """X^T X (p, p), X^T y (p,) and y^T y of the fitted rows."""
-        t = self.setting.rows.train_blocks
-        g, h, s = (x[:t].sum(axis=(0, 1)) for x in (self.gram.g, self.gram.h, self.gram.s))
-        return g, h, s
+        """X^T X (p, p), X^T y (p,) and y^T y of the fitted rows, blocks weighted as in the fit."""
+        t, w = self.setting.rows.train_blocks, self.fit.weight
+        g, h, s = self.gram.g[:t], self.gram.h[:t], self.gram.s[:t]
+        return np.einsum("bjpq,bj->pq", g, w[:t]), np.einsum("bjp,bj->p", h, w[:t]), float((s * w[:t]).sum())
 
     @cached_property
     def fit(self) -> GramFit:
         """Coefficients with their spread, and errors of every block."""
         return fit(self.gram)
 
+    def log_density(self, variance: np.ndarray) -> np.ndarray:
+        """Of the change of variables (B, J) of each block: a row that saturation or dead band erases is charged with
+        the marginal density of what it lost. Zero without such effects. variance (J,) of a row [N^2 m^2].
+        """
+        s, out = self.setting, np.zeros((self.setting.rows.blocks, self.setting.joints))
+        for j in range(s.joints):
+            if not (erasing := self.erasing(j)):
+                continue
+            u = s.motion.tau_raw[:, j]
+            known = [c.effect.lost_density(u, c.theta) for c in erasing if isinstance(c.effect, Erasing)]
+            dearest = min((d for d in known if d > 0), default=0.0)
+            share = min(1.0, np.sqrt(2 * np.pi * variance[j]) * dearest)
+            rows = np.log(np.maximum(self.kept[j] + (1 - self.kept[j]) * share, 1e-12)) * s.use[j]
+            out[:, j] = np.bincount(s.rows.block, rows, minlength=s.rows.blocks)
+        return out
+
+    @cached_property
+    def variance(self) -> np.ndarray:
+        """Variance (J,) [N^2 m^2] of a row of a usual block, left out of the fit."""
+        return self.fit.variance / self.weight**2
+
+    @cached_property
+    def nats(self) -> np.ndarray:
+        """Log density (T, J) of the recorded torque of each fitted block, left out of the fit, without constants."""
+        t = self.setting.rows.train_blocks
+        return (self.log_density(self.variance) - self.fit.loss + self.gram.rows * np.log(self.weight))[:t]
+
+    @property
+    def active(self) -> Joints:
+        """Joints (0-based) with enough fitted rows in motion to be judged."""
+        enough = (self.setting.use & ~self.setting.rows.test).sum(axis=1) > FEWEST_ROWS
+        return tuple(np.flatnonzero(enough).tolist())
+
+    def score(self, joints: Iterable[int] | None = None) -> float:
+        """Log density of the recorded torque of joints (all that are judged), fitted blocks left out in turn [nats]."""
+        return float(self.nats[:, list(self.active if joints is None else joints)].sum())
+
     @cached_property
     def residual(self) -> np.ndarray:
         """measured - predicted (J, m) [N.m] on all thinned rows, with the coefficients of the fitted rows."""
-        blocks = [self.base, *(spread(c, self.setting) for c in self.columns)]
-        return self.target - np.concatenate(blocks, axis=2) @ self.fit.beta
+        return self.target - self.unweighted @ self.fit.beta
+
+    @cached_property
+    def told(self) -> np.ndarray:
+        """Rows (J, m) of which the model tells the command: those that no saturation erases; all where it erases
+        all.
+        """
+        out = np.ones_like(self.setting.use)
+        for j in range(self.setting.joints):
+            if limits := tuple(c for c in self.erasing(j) if c.effect.name == "torque_saturation"):
+                out[j] = self.formed.erased(j, limits)[1] > HALF
+        return out | ~out.any(axis=1, keepdims=True)
+
+    @cached_property
+    def miss(self) -> np.ndarray:
+        """recorded - predicted command (J, m) [N.m]: the residual, but behind a dead band the command that the model
+        tells of, so that no hypothesis has a smaller error by making the record easier.
+        """
+        out = self.residual.copy()
+        for j in range(self.setting.joints):
+            if not (erasing := self.erasing(j)):
+                continue
+            torque = command = self.scene.prediction[:, [j]]
+            for choice in erasing:
+                assert isinstance(choice.effect, Erasing)
+                command = choice.effect.command(command, choice.theta)
+            out[j] += self.formed.erased(j, erasing)[0] - self.passed(command - torque, True, j)[:, 0]
+        return out
 
     @property
     def labels(self) -> tuple[Label, ...]:
-        """Labels of the coefficients of the complete model."""
+        """Labels of the coefficients of rigid body, viscous and Coulomb friction."""
         n = range(1, self.setting.joints + 1)
         return (*self.setting.labels, *(Label("viscous", k) for k in n), *(Label("coulomb", k) for k in n))
 
@@ -124,7 +279,7 @@ class Model:
 
     def coefficients(self, number: int) -> slice:
         """The range of the coefficients of choice `number`."""
-        sizes = [next(iter(c.values())).shape[1] for c in self.columns]
+        sizes = [_width(c) for c in self.columns]
         start = self.base.shape[2] + sum(sizes[:number])
         return slice(start, start + sizes[number])
 
@@ -140,16 +295,14 @@ class Model:
         squares = {j: float(((x @ self.beta(number)) ** 2).sum()) for j, x in self.columns[number].items()}
         return tuple(sorted(j for j, square in squares.items() if square >= FELT * sum(squares.values())))
 
-    def unphysical(self, number: int, scene: Scene | None = None) -> str:
-        """Why the estimate of choice `number` cannot be its effect, beside the model or another scene; empty where it
-        can.
-        """
-        return self.choices[number].effect.unphysical(self.estimate(number, scene))
+    def unphysical(self, number: int) -> str:
+        """Why the estimate of choice `number` cannot be its effect; empty where it can."""
+        return self.choices[number].effect.unphysical(self.estimate(number))
 
-    def estimate(self, number: int, scene: Scene | None = None) -> EffectEstimate:
-        """Choice `number` as fitted, beside the model or another scene."""
+    def estimate(self, number: int) -> EffectEstimate:
+        """Choice `number` as fitted."""
         choice, part = self.choices[number], self.coefficients(number)
-        return EffectEstimate(self.fit.beta[part], self.fit.std[part], choice.theta, choice.joints, scene or self.scene)
+        return EffectEstimate(self.fit.beta[part], self.fit.std[part], choice.theta, choice.joints, self.scene)
 
     @cached_property
     def scene(self) -> Scene:
@@ -173,7 +326,6 @@ class Model:
             pi=None if s.arm is None else s.body.parameters(self.fit.beta),
             declared=s.body.declared is not None,
             gravity=s.device.gravity,
-            skew=self.skew,
             units=s.units,
         )
         extra = np.zeros_like(rigid)
@@ -183,19 +335,6 @@ class Model:
                     extra[:, j] += values @ self.beta(number)
         return evolve(scene, prediction=rigid + friction + extra)
 
-    @cached_property
-    def searched(self) -> Scene:
-        """The scene on the rows of `SmoothedMotion.searched`, where a search forms columns."""
-        whole, (rows, motion) = self.scene, self.setting.motion.searched
-        cut = {name: getattr(whole, name)[rows] for name in ("sign", "rigid", "friction", "prediction")}
-
-        def slopes(joint: int) -> Slopes:
-            q, dq, ddq = ({j: x[rows] for j, x in by.items()} for by in self._rigid_slopes(joint))
-            return q, dq, ddq
-
-        known = None if whole.rigid_slopes is None else slopes
-        return evolve(whole, motion=motion, arm=self.setting.searched_arm, rigid_slopes=known, **cut)
-
     def _rigid_slopes(self, joint: int) -> Slopes:
         """Derivatives of the rigid torque by q, dq, ddq of a joint as fitted, each joint -> (n,)."""
         params = self.setting.body.parameters(self.fit.beta)
@@ -204,42 +343,17 @@ class Model:
         )
         return q, dq, ddq
 
-    def unseen(self, joint: int) -> np.ndarray:
-        """Squared error (T,) of a joint's fitted blocks, each left out in turn [N^2 m^2]."""
-        return self.fit.sse[: self.setting.rows.train_blocks, joint] / self.weight[joint] ** 2
 
-    def joint_error(self) -> tuple[np.ndarray, np.ndarray]:
-        """Squared error (T, J) of fitted blocks left out in turn and (H, J) of held-out blocks, weighted."""
-        t = self.setting.rows.train_blocks
-        return self.fit.sse[:t], self.fit.sse[t:]
-
-
-def delivered_target(model: Model, choice: ChosenEffect) -> np.ndarray:
-    """The model's target (J, m) with one more effect that acts on the recorded torque."""
-    return _target(model, (*model.choices, choice))
-
-
-def _target(model: Model, choices: tuple[ChosenEffect, ...]) -> np.ndarray:
-    y, slope = model.setting.y.copy(), model.setting.slope.copy()
-    for j in range(model.setting.joints):
-        passed = tuple(c for c in choices if c.effect.late and j in c.joints)
-        if passed:
-            y[j], slope[j] = model.formed.delivered(j, passed)
-    return y - model.skew * slope
+def _width(columns: Columns) -> int:
+    return next(iter(columns.values())).shape[1]
 
 
 def spread(columns: Columns, setting: Setting) -> np.ndarray:
     """Columns of some joints as a design (J, m, k), zero elsewhere."""
-    k = next(iter(columns.values())).shape[1]
-    out = np.zeros((setting.joints, setting.y.shape[1], k))
+    out = np.zeros((setting.joints, setting.y.shape[1], _width(columns)))
     for j, values in columns.items():
         out[j] = values
     return out
-
-
-def filtered(setting: Setting, effect: Effect, full: Columns) -> Columns:
-    """Full-rate columns of an effect, filtered and thinned."""
-    return {j: setting.rows.filtered(values, effect.sharp) for j, values in full.items()}
 
 
 def complete(setting: Setting) -> Model:
@@ -260,42 +374,21 @@ def settled(model: Model) -> Model:
 
 def with_choices(model: Model, choices: tuple[ChosenEffect, ...], passes: int = 1) -> Model:
     """The model with these effects; dynamic columns are formed again from each new prediction."""
-    scene = model.scene
-    columns = tuple(columns_of(model, c, scene) for c in choices)
-    new = Model(model.setting, model.laws, model.skew, model.weight, model.formed, choices, columns, scene)
-    dynamic = any(c.effect.dynamic for c in choices)
-    for _ in range(passes if dynamic else 0):
-        scene = new.scene
-        columns = tuple(
-            columns_of(new, c, scene) if c.effect.dynamic else old for c, old in zip(choices, new.columns, strict=True)
-        )
-        new = evolve(new, columns=columns, seen=scene)
+    new = evolve(model, choices=choices, seen=model.scene)
+    for _ in range(passes if any(c.effect.dynamic for c in choices) else 0):
+        new = evolve(new, seen=new.scene)
     return new
 
 
-def columns_of(model: Model, choice: ChosenEffect, scene: Scene) -> Columns:
-    """Filtered columns of a choice, joint -> (m, k). Those that do not depend on the model's prediction are kept."""
-
-    def form() -> Columns:
-        return filtered(model.setting, choice.effect, choice.effect.columns(scene, choice.joints, choice.theta))
-
-    return form() if choice.effect.dynamic else model.formed.static(choice, model.laws, form)
-
-
-def train_error(model: Model) -> float:
-    """Weighted squared error of the fitted rows, in sample."""
-    return float(model.fit.in_sample[: model.setting.rows.train_blocks].sum())
-
-
 def _reweighted(model: Model) -> Model:
-    used = model.setting.use & ~model.setting.rows.test
-    left = [np.sqrt(np.mean(r[u] ** 2)) if u.any() else 1.0 for r, u in zip(model.residual, used, strict=True)]
-    return evolve(model, weight=1 / np.maximum(left, 1e-12))
+    scale = np.sqrt(model.fit.variance) / model.weight
+    return evolve(model, weight=np.where(model.setting.use.any(axis=1), 1 / np.maximum(scale, 1e-12), model.weight))
 
 
 def _best_laws(model: Model) -> Model:
     """Each joint's friction law in turn, the others held: the best of the coarse choices, then its width refined."""
     top = np.percentile(np.abs(model.setting.motion.dq), 99, axis=0)
+    model = evolve(model, tangents=False)
     for j in range(model.setting.joints):
         error = {model.laws[j]: _law_error(model, j, model.laws[j])}
         error |= {law: _law_error(model, j, law) for law in laws(float(top[j])) if law not in error}
@@ -306,28 +399,37 @@ def _best_laws(model: Model) -> Model:
         best = min(error, key=error.__getitem__)
         if best != model.laws[j]:
             model = evolve(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
-    return model
+    return evolve(model, tangents=True)
 
 
 def _law_error(model: Model, joint: int, law: FrictionLaw) -> float:
+    """In-sample error of the fitted rows with the Coulomb column of a joint replaced."""
     place = len(model.setting.labels) + model.setting.joints + joint
-    return _swap_error(model, place, joint, model.formed.sign(joint, law))
-
-
-def _swap_error(model: Model, place: int, joint: int, column: np.ndarray) -> float:
-    """In-sample error of the fitted rows with one column that belongs to one joint replaced."""
-    train = ~model.setting.rows.test
-    g, h, left = (np.array(x) for x in model.normal)
-    own = column[train] * model.scale[joint, train, 0]
-    g[place] = own @ model.design[joint, train]
+    rows = model.setting.rows
+    key = joint, law, model.late(joint)
+    if key not in model.formed.signs:
+        model.formed.signs[key] = model.passed(law(model.setting.motion.dq[:, [joint]]), True, joint)[:, 0]
+    block = np.sqrt(model.fit.weight[rows.block, joint])
+    scale = model.scale[joint, :, 0] * block * ~rows.test
+    own = model.formed.signs[key] * scale
+    x, y = model.unweighted[joint], model.target[joint] * scale
+    g, h, left = (np.array(v) for v in model.normal)
+    g[place] = own @ (x * scale[:, None])
     g[place, place] = own @ own
-    g[:, place], h[place] = g[place], own @ model.y[joint, train]
-    scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
-    beta = np.linalg.solve(g * scale[:, None] * scale + np.diag(model.fit.penalty), h * scale) * scale
+    g[:, place], h[place] = g[place], own @ y
+    held, beta = np.ones(len(h), bool), np.zeros(len(h))
+    for _ in range(2):  # friction that drives is none: a level below zero is held at zero
+        size = 1 / np.sqrt(np.maximum(np.diag(g)[held], 1e-300))
+        within = g[np.ix_(held, held)] * size[:, None] * size + np.diag(model.fit.penalty[held])
+        beta = np.zeros(len(h))
+        beta[held] = np.linalg.solve(within, h[held] * size) * size
+        if beta[place] >= 0:
+            break
+        held[place] = False
     return float(left - 2 * h @ beta + beta @ g @ beta)
 
 
 def _best_skew(model: Model) -> Model:
     step = model.setting.motion.sample
     options = [evolve(model, skew=k * step) for k in (0.0, 0.5, 1.0)]
-    return min(options, key=train_error)
+    return min(options, key=lambda m: m.fit.loss[: m.setting.rows.train_blocks].sum())

@@ -5,14 +5,12 @@ formed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from cosim.closure.model.smoothing import (
-    REACH,
     Widths,
     choose_widths,
     convolve,
@@ -73,43 +71,6 @@ class SmoothedMotion:
         """Number of joints nj."""
         return self.q.shape[1]
 
-    @cached_property
-    def searched(self) -> tuple[np.ndarray, SmoothedMotion]:
-        """The rows (n',) of each run up to its last fitted one and the reach of the filter after it, and the motion of
-        these alone. A search forms columns on them, without the held-out rows; effects with memory have the same state
-        there as on the whole motion.
-        """
-        reach = int(np.ceil(REACH * self.widths.total / self.step))
-        counts = np.array(
-            [min(int(np.flatnonzero(~self.test[a:b]).max(initial=0)) + 1 + reach, b - a) for a, b in self.bounds]
-        )
-        rows = np.concatenate([np.arange(a, a + count) for (a, _), count in zip(self.bounds, counts, strict=True)])
-        signals = {
-            name: getattr(self, name)
-            for name in (
-                "time",
-                "run",
-                "test",
-                "q",
-                "dq",
-                "ddq",
-                "tau",
-                "tau_raw",
-                "q_ref",
-                "force",
-                "regressor",
-                "rigid",
-                "clipped",
-            )
-        }
-        return rows, evolve(
-            self,
-            **{name: x[rows] for name, x in signals.items() if x is not None},
-            other={name: x[rows] for name, x in self.other.items()},
-            bounds=tuple((int(end - count), int(end)) for end, count in zip(np.cumsum(counts), counts, strict=True)),
-            commands=tuple(u[: count * self.stride] for u, count in zip(self.commands, counts, strict=True)),
-        )
-
     def per_run(self, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
         """Apply a function to the rows of each run of x (n, ...)."""
         return np.concatenate([function(x[a:b]) for a, b in self.bounds])
@@ -127,18 +88,6 @@ class SmoothedMotion:
     def rate(self, x: np.ndarray) -> np.ndarray:
         """Time derivative of a smooth signal x (n, ...), by central differences within each run."""
         return self.per_run(lambda part: np.gradient(part, self.step, axis=0), x)
-
-    def advanced(self, x: np.ndarray, seconds: float, order: int = 1) -> np.ndarray:
-        """x(t + seconds) (n, k) within each run, a spline of `order` between samples; the ends are held."""
-        from scipy.interpolate import make_interp_spline
-
-        def moved(part: np.ndarray) -> np.ndarray:
-            place = np.arange(len(part))
-            return make_interp_spline(place, part, min(order, len(part) - 1))(
-                np.clip(place + seconds / self.step, 0, place[-1])
-            )
-
-        return self.per_run(moved, x)
 
 
 def prepare(recording: Recording, widths: Widths | None = None) -> SmoothedMotion:
@@ -232,7 +181,7 @@ class FitRows:
 
     index (m,) row of the full rate; moving (m, nj) rows of a joint that are neither at standstill, nor near a reversal
     or a clipped torque, nor at an end; block (m,) number of the contiguous block, blocks of held-out rows after those
-    of fitted rows; train_blocks their count; searched (n',) rows of the full rate that `SmoothedMotion.searched` keeps.
+    of fitted rows; train_blocks their count.
     """
 
     index: np.ndarray
@@ -243,22 +192,12 @@ class FitRows:
     test: np.ndarray
     standstill_speed: np.ndarray
     block_seconds: float
-    searched: np.ndarray
     thin: csr_matrix
     thin_sharp: csr_matrix
 
     def filtered(self, x: np.ndarray, sharp: bool) -> np.ndarray:
         """F x, or K F x of a sharp column, on the thinned rows: (n, k) -> (m, k)."""
         return (self.thin_sharp if sharp else self.thin) @ np.ascontiguousarray(x)
-
-    def fitted(self, x: np.ndarray, sharp: bool) -> np.ndarray:
-        """As `filtered`, of a column of the searched rows, on the fitted rows alone: (n', k) -> (m', k)."""
-        return self._fitted[sharp] @ np.ascontiguousarray(x)
-
-    @cached_property
-    def _fitted(self) -> tuple[csr_matrix, csr_matrix]:
-        fitted = ~self.test
-        return self.thin[fitted][:, self.searched], self.thin_sharp[fitted][:, self.searched]
 
 
 def thinned(motion: SmoothedMotion) -> FitRows:
@@ -279,7 +218,6 @@ def thinned(motion: SmoothedMotion) -> FitRows:
         test=test,
         standstill_speed=speed,
         block_seconds=seconds,
-        searched=motion.searched[0],
         thin=_operator(motion, index, motion.widths.second),
         thin_sharp=_operator(motion, index, motion.widths.total),
     )

@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 from attrs import field, frozen
 
-from cosim.closure.model.friction import FrictionLaw
 from cosim.closure.model.motion import FitRows, SmoothedMotion
 from cosim.closure.model.rigid_body import RigidBody, rigid_body
 from cosim.effects.moving_arm import MovingArm, moving_arm
@@ -62,11 +61,6 @@ class Setting:
         """The arm along the motion, where the device is one."""
         return moving_arm(self.device, self.motion)
 
-    @cached_property
-    def searched_arm(self) -> MovingArm | None:
-        """The arm along `motion.searched`."""
-        return moving_arm(self.device, self.motion.searched[1])
-
     def slopes(self, joint: int) -> tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]:
         """Derivatives of the body's columns by q, dq and ddq of a joint, by central differences, computed once."""
         if joint not in self._slopes:
@@ -86,15 +80,6 @@ class Setting:
         used = [np.flatnonzero(np.abs(change[:, j]).max(axis=0)) for j in range(self.joints)]
         return {j: (k, np.ascontiguousarray(change[:, j, k])) for j, k in enumerate(used) if len(k)}
 
-    def target(self, joint: int, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A joint's filtered torque tau (n, 1) less what is known of it, and its slope, both (m,)."""
-        y, slope = _targets(self.motion, self.rows, tau, self.given[[joint]])
-        return y[0], slope[0]
-
-    def sign(self, joint: int, law: FrictionLaw) -> np.ndarray:
-        """The joint's smooth sign (m,), filtered."""
-        return self.rows.filtered(law(self.motion.dq[:, [joint]]), sharp=True)[:, 0]
-
 
 def formulate(recording: Recording, motion: SmoothedMotion, rows: FitRows) -> Setting:
     """The regression problem of the recording's device."""
@@ -102,7 +87,6 @@ def formulate(recording: Recording, motion: SmoothedMotion, rows: FitRows) -> Se
     body = rigid_body(device, motion, columns)
     sharp = device.recorded_columns
     given = rows.filtered(body.known, sharp).T
-    y, slope = _targets(motion, rows, motion.tau, given)
     return Setting(
         device=device,
         motion=motion,
@@ -111,14 +95,8 @@ def formulate(recording: Recording, motion: SmoothedMotion, rows: FitRows) -> Se
         linear=np.stack([rows.filtered(body.columns[:, j], sharp) for j in range(motion.joints)]),
         viscous=rows.filtered(motion.dq, False).T,
         given=given,
-        y=y,
-        slope=slope,
+        y=rows.filtered(motion.tau, False).T - given,
+        slope=rows.filtered(motion.rate(motion.tau), False).T,
         use=rows.moving.T.copy(),
         units=columns.other,
     )
-
-
-def _targets(
-    motion: SmoothedMotion, rows: FitRows, tau: np.ndarray, given: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    return rows.filtered(tau, False).T - given, rows.filtered(motion.rate(tau), False).T

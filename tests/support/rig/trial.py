@@ -87,7 +87,7 @@ def judge(task) -> dict:
     verdict = closure.verdict
     out.verdict = verdict.answer.value
     out.found = [(f.name, list(f.joints), list(f.aliases)) for f in verdict.findings]
-    out.withdrawn = [(f.name, list(f.joints), why) for f, why in verdict.withdrawn]
+    out.withdrawn = [(c.effect.name, [j + 1 for j in c.joints], why) for c, why in verdict.withdrawn]
     out.unknown = [(x.joint + 1, list(x.signals)) for x in verdict.leftovers]
     for f in verdict.findings:
         out.parameters |= {str(label): value for label, value in f.parameters.items()}

@@ -1,0 +1,107 @@
+"""Absolute checks, before "complete" and before "sure": residual against the sensors' noise, single moments, rows
+that a hypothesis erases, motion in one direction only.
+"""
+
+import numpy as np
+from attrs import frozen
+
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.model import Model
+from cosim.closure.score.floor import from_sensors
+from cosim.effects.actuator import Erasing
+from cosim.effects.constants import EVENT, HALF, NOISE, SIZE, SMALL
+from cosim.effects.motion import Joints
+
+MOST_EVENTS = 5  # that are told
+
+
+@frozen
+class ClosureEvent:
+    """A moment of a run that holds much of what is left on a joint (0-based); time [s]."""
+
+    time: float
+    run: str
+    joint: int
+    kind: str
+
+
+def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.where(use, x**2, 0).sum(axis=1) / np.maximum(use.sum(axis=1), 1))
+
+
+def incomplete(model: Model) -> dict[int, str]:
+    """Joints (0-based) whose model is incomplete whatever explains it, and why: the residual is far larger than the
+    noise of the sensors, or far larger on reported rows than on fitted ones, as where only these cross a gap.
+    """
+    if (noise := from_sensors(model)) is None:
+        return {}
+    test, use = model.setting.rows.test, model.setting.use & (model.kept > HALF)
+    fitted, held = (_rms(model.residual, use & rows) for rows in (~test, test))
+    torque, reported = (_rms(model.setting.y + model.setting.given, use & rows) for rows in (~test, test))
+    out = {}
+    for j in range(model.setting.joints):
+        if fitted[j] ** 2 > NOISE * noise[j] ** 2 and fitted[j] > SMALL * torque[j]:
+            out[j] = f"it leaves {fitted[j] / max(noise[j], 1e-300):.3g} times the noise of its sensors"
+        elif held[j] ** 2 > NOISE * max(fitted[j], noise[j]) ** 2 and held[j] > SIZE * reported[j]:
+            out[j] = (
+                f"it leaves {held[j] / max(fitted[j], noise[j]):.3g} times as much on reported rows as on fitted ones"
+            )
+    return out
+
+
+def events(model: Model) -> tuple[ClosureEvent, ...]:
+    """Moments that hold half of what is left on a joint in few rows: lost counts, a collision, a dropout."""
+    m, rows, out = model.setting.motion, model.setting.rows, []
+    for j in range(model.setting.joints):
+        use = np.flatnonzero(model.setting.use[j])
+        if not len(use):
+            continue
+        square = model.residual[j, use] ** 2
+        order = np.argsort(-square)
+        count = int(np.searchsorted(np.cumsum(square[order]), HALF * square.sum())) + 1
+        if count > EVENT * len(use):
+            continue
+        place = np.sort(rows.index[use[order[:count]]])
+        apart = np.flatnonzero(np.diff(place) > 8 * m.widths.total / m.step) + 1
+        groups = sorted(np.split(place, apart), key=len, reverse=True)[:MOST_EVENTS]
+        for group in groups:
+            at = int(np.median(group))
+            share = f"{100 * count / len(use):.2g} % of the rows hold half of what is left"
+            kind = f"{share}: lost counts, a collision or a dropout"
+            out.append(ClosureEvent(float(m.time[at]), m.names[m.run[at]], j, kind))
+    return tuple(sorted(out, key=lambda e: (e.joint, e.time)))
+
+
+def doubt_of(model: Model, choice: ChosenEffect, joints: Joints) -> str:
+    """Why a name cannot be sure whatever it explains; empty where it can."""
+    for j in joints:
+        use = model.setting.use[j] & ~model.setting.rows.test
+        erased = float(1 - model.kept[j][use].mean()) if use.any() else 0.0
+        if isinstance(choice.effect, Erasing) and erased > SMALL:
+            return f"{100 * erased:.0f} % of the rows are erased and cannot contradict it (a smaller command)"
+        if one_way(model, j):
+            return f"joint {j + 1} moves in one direction only (motion in the other)"
+    return ""
+
+
+def one_way(model: Model, joint: int) -> bool:
+    """Whether the fitted rows in motion show one direction of a joint only."""
+    rows, m = model.setting.rows, model.setting.motion
+    use = model.setting.use[joint] & ~rows.test
+    forward = float((m.dq[rows.index[use], joint] > 0).mean()) if use.any() else HALF
+    return min(forward, 1 - forward) < EVENT
+
+
+def unseparated(model: Model) -> list[str]:
+    """What the motion cannot separate, in words."""
+    m = model.setting.motion
+    out = [
+        f"joint {j + 1} moves in one direction only: its Coulomb friction is not told from an offset, nor a curve over "
+        "its speed from one over the direction"
+        for j in model.active
+        if one_way(model, j)
+    ]
+    fitted = len(np.unique(m.run[~m.test]))
+    if fitted > 1:
+        out.append(f"{fitted} runs are fitted: what changes from run to run is not told from a function of time")
+    return out

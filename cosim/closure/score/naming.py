@@ -1,0 +1,236 @@
+"""Which names hold: laws against the families that could stand beside them or in their place.
+
+With L the nats that the names of some joints earn, B those of names and best families together, F those of the best
+families in their place:
+
+    L >= (1 - MARGIN) F                       the names hold; what B has more than L is left without a name,
+    L < (1 - MARGIN) F, F >= (1 - MARGIN) B   a family is needed and no law does as well: the names are withdrawn,
+    else                             names that earn MARGIN of B beside the families stand, and something else is left.
+
+Several names whose place one family takes as well (within SAME standard errors) are withdrawn: it needs fewer words.
+One such name is not sure. A family of a law's own signals, which holds the law, takes no name away: where the law
+leaves something to it, the family is sure and the law is not.
+"""
+
+from collections.abc import Sequence
+
+from attrs import frozen
+
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.families import Family
+from cosim.closure.model.model import Model, with_choices
+from cosim.closure.score.compare import gained, preferred
+from cosim.closure.score.null import Screened, screened_families, screened_laws
+from cosim.closure.score.search import Search, refined, resettled
+from cosim.effects import Effect
+from cosim.effects.constants import MARGIN, SAME
+from cosim.effects.motion import Joints
+
+TRIED = 4  # families of a joint, or laws in the place of one, that are fitted with everything else
+CLOSE = 0.5  # least share of the largest gain of those
+
+
+@frozen(eq=False)
+class Rival:
+    """A law in the place of a name: how much worse, in standard errors of blocks, and in nats."""
+
+    choice: ChosenEffect
+    worse: float
+    nats: float
+
+
+@frozen(eq=False)
+class Leftover:
+    """A family that a residual needs beyond the names, with its nats; not `sure` where only the residual's size shows
+    that something is missing.
+    """
+
+    choice: ChosenEffect
+    nats: float
+    share: float
+    sure: bool = True
+
+    @property
+    def family(self) -> Family:
+        """The function without a name."""
+        assert isinstance(self.choice.effect, Family), "what is left has no name"
+        return self.choice.effect
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals that the residual depends on."""
+        return self.family.signals
+
+    @property
+    def joint(self) -> int:
+        """The joint (0-based) whose residual it is."""
+        return self.choice.joints[0]
+
+
+@frozen(eq=False)
+class Named:
+    """What the comparison left: the model with the names, the doubt about each by its key, names whose own family does
+    better (by key, in words), names that were withdrawn with the reason, and what is left.
+    """
+
+    model: Model
+    doubts: dict[object, str]
+    families: dict[object, str]
+    withdrawn: tuple[tuple[ChosenEffect, str], ...]
+    left: tuple[Leftover, ...]
+
+
+def named(found: Search) -> Named:
+    """The names of a search that hold beside and against families."""
+    model, withdrawn = _without_form_errors(found.model, found.before)
+    doubts: dict[object, str] = {}
+    wider: dict[object, str] = {}
+    left: list[Leftover] = []
+    given = {c.key for c in found.before.choices}
+    on_top = best_families(model)
+    for joints in dict.fromkeys(model.acting(k) for k in range(len(model.choices))):
+        mine = tuple(c for k, c in enumerate(model.choices) if model.acting(k) == joints)
+        verdict = _group(model, mine, joints, on_top)
+        if verdict.withdrawn:
+            gone = tuple(c for c in mine if verdict.stays is None or c not in verdict.stays)
+            withdrawn += tuple((c, verdict.withdrawn) for c in gone if c.key not in given)
+        if verdict.doubt:
+            doubts |= {c.key: verdict.doubt for c in mine}
+    gone = {c.key for c, _ in withdrawn}
+    kept = tuple(c for c in model.choices if c.key not in gone)
+    if kept != model.choices:
+        model = resettled(with_choices(found.before, kept)) if kept else found.before
+        on_top = best_families(model)
+    for j, (new, x) in on_top.items():
+        left.append(Leftover(x.choice, gained(new, model, (j,)), x.share))
+        for k, c in enumerate(model.choices):
+            if model.acting(k) == (j,):
+                doubts.setdefault(c.key, f"what it leaves is {x.choice.effect.title}")
+                if _holds(x, (set(c.effect.signals),)):
+                    wider[c.key] = x.choice.effect.title
+    if left:
+        beside = corrected(model, left)
+        for j, (new, x) in best_families(beside).items():
+            left.append(Leftover(x.choice, gained(new, beside, (j,)), x.share))
+    return Named(model, doubts, wider, withdrawn, tuple(sorted(left, key=lambda x: -x.nats)))
+
+
+@frozen
+class _Group:
+    withdrawn: str = ""
+    stays: tuple[ChosenEffect, ...] | None = None
+    doubt: str = ""
+
+
+def _group(
+    model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top: dict[int, tuple[Model, Screened]]
+) -> _Group:
+    """Whether the names of some joints hold."""
+    rest = with_choices(model, tuple(c for c in model.choices if c not in mine))
+    earned = gained(model, rest, joints)
+    beside = tuple(x.choice for j, (_, x) in on_top.items() if j in joints)
+    whole = with_choices(model, (*model.choices, *beside)) if beside else model
+    both = max(gained(whole, rest, joints), earned)
+    own = tuple(set(c.effect.signals) for c in mine)
+    place = best_families(rest, joints, need=False, besides=own)
+    alone = with_choices(rest, (*rest.choices, *(x.choice for _, x in place.values())))
+    instead = gained(alone, rest, joints)
+    titles = " and ".join(x.choice.effect.title for _, x in place.values())
+    if earned >= (1 - MARGIN) * max(both, instead):
+        if len(joints) > 1 or preferred(model, alone, joints) > SAME:
+            return _Group()
+        if len(mine) > 1 and instead > (1 - MARGIN) * earned:
+            return _Group(f"{titles} explains as much as all of {', '.join(c.effect.name for c in mine)}")
+        return _Group(
+            doubt=f"{titles} explains as much" if titles and any(own) else ""
+        )  # a constant is in every family
+    if earned >= (1 - MARGIN) * instead:
+        return _Group()
+    if instead >= (1 - MARGIN) * both:
+        return _Group(f"it explains {100 * earned / instead:.0f} % of what {titles} explains in its place")
+    stays = tuple(c for c in mine if _stands(whole, rest, c, joints))
+    text = f"it earns less than {100 * MARGIN:.0f} % of what can be explained beside {titles}"
+    return _Group(text if len(stays) < len(mine) else "", stays)
+
+
+def _stands(whole: Model, rest: Model, choice: ChosenEffect, joints: Joints) -> bool:
+    """Whether a name earns its margin beside families; those of its own signals, which hold it, are left out."""
+    own = set(choice.effect.signals)
+    beside = tuple(c for c in whole.choices if not (isinstance(c.effect, Family) and c.effect.kinds <= own))
+    new = with_choices(whole, beside) if len(beside) < len(whole.choices) else whole
+    return gained(new, _less(new, choice), joints) > MARGIN * gained(new, rest, joints)
+
+
+def _less(model: Model, choice: ChosenEffect) -> Model:
+    return with_choices(model, tuple(c for c in model.choices if c is not choice))
+
+
+def _without_form_errors(model: Model, before: Model) -> tuple[Model, tuple[tuple[ChosenEffect, str], ...]]:
+    """The model without names that earn less than the margin of what all names of their joint earn: they mend the form
+    of the others.
+    """
+    out: tuple[tuple[ChosenEffect, str], ...] = ()
+    given = {c.key for c in before.choices}
+    while len(model.choices) > 1:
+        shares = {k: _own_share(model, k) for k, c in enumerate(model.choices) if c.key not in given}
+        k = min(shares, key=shares.__getitem__, default=None)
+        if k is None or shares[k] >= MARGIN:
+            return model, out
+        gone = model.choices[k]
+        out += ((gone, f"it earns {100 * shares[k]:.0f} % of what the names of its joint explain: the others' form"),)
+        model = resettled(_less(model, gone))
+    return model, out
+
+
+def _own_share(model: Model, number: int) -> float:
+    """Nats that a name earns beside the others over those of all names of its joint, the joint where it is largest."""
+    choice = model.choices[number]
+    rest, shares = _less(model, choice), []
+    for j in choice.joints:
+        bare = with_choices(model, tuple(c for c in model.choices if j not in c.joints))
+        shares.append(gained(model, rest, (j,)) / max(gained(model, bare, (j,)), 1e-9))
+    return max(shares)
+
+
+def best_families(
+    model: Model, joints: Joints | None = None, need: bool = True, besides: Sequence[set[str]] = ()
+) -> dict[int, tuple[Model, Screened]]:
+    """The best family of each joint beside a model, fitted with it; where it is a `need`, only one above its bar.
+
+    besides: signals of laws, whose own families, which hold them, are left out.
+    """
+    found = screened_families(model, joints)
+    out: dict[int, tuple[Model, Screened]] = {}
+    for j in model.active if joints is None else joints:
+        mine = [x for x in found if x.choice.joints == (j,) and (x.clear or not need) and not _holds(x, besides)]
+        options = [(with_choices(model, (*model.choices, x.choice), passes=0), x) for x in mine[:TRIED]]
+        good = [(m, x) for m, x in options if gained(m, model) > 0 and (not need or preferred(m, model) > SAME)]
+        if good:
+            out[j] = max(good, key=lambda option: option[0].score())
+    return out
+
+
+def _holds(x: Screened, laws: Sequence[set[str]]) -> bool:
+    assert isinstance(x.choice.effect, Family), "families are screened here"
+    return any(x.choice.effect.kinds <= signals for signals in laws)
+
+
+def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival, ...]:
+    """Laws in the place of choice `number` that may do as well, most nats first."""
+    choice = model.choices[number]
+    rest = _less(model, choice)
+    found, _ = screened_laws(rest, effects, near=model.acting(number))
+    others = [x for x in found if x.choice.effect.name != choice.effect.name]
+    out = []
+    for x in others[:TRIED]:
+        if x.gain[0] > CLOSE * others[0].gain[0]:
+            new = with_choices(rest, (*rest.choices, refined(x)))
+            if gained(new, rest) > 0 and not new.unphysical(len(new.choices) - 1):
+                out.append(Rival(new.choices[-1], preferred(model, new), gained(new, rest)))
+    return tuple(sorted(out, key=lambda r: -r.nats))
+
+
+def corrected(model: Model, left: Sequence[Leftover]) -> Model:
+    """The model with the smooth corrections that its joints need."""
+    choices = tuple(x.choice for x in left if x.sure)
+    return with_choices(model, (*model.choices, *choices)) if choices else model

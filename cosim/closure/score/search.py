@@ -1,0 +1,191 @@
+"""Forward search: of the laws above the bar, the one that tells most of blocks left out, until none is left."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from attrs import evolve, frozen
+
+from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.gram import accumulate, fit
+from cosim.closure.model.model import Model, settled, with_choices
+from cosim.closure.score.compare import gained, preferred
+from cosim.closure.score.null import Screened, Untestable, screened_laws
+from cosim.effects import Effect
+from cosim.effects.actuator import Erasing, Late
+from cosim.effects.constants import SAME
+from cosim.effects.motion import Theta
+
+MOST = 6  # laws of a pass
+SHORT, WORTH = 8, 0.3  # laws above the bar that are fitted with everything else; least share of the largest gain
+TRIALS = 7  # of the refinement, times one more than the number of nonlinear parameters
+DESCENTS, PARTS, LEAST_GAIN = 3, (1.0, 0.3), 0.2  # Gauss-Newton steps; parts of one; nats that one has to gain
+TANGENT = 0.005  # step of the central differences in nonlinear parameters: a fraction of the narrowest resonance
+REACH, STEPS = (
+    0.5,
+    (0.25, 0.12, 0.06, 0.03),
+)  # largest change of a nonlinear parameter at once; steps of a search along one
+
+
+@frozen(eq=False)
+class SearchStep:
+    """One round: every law that was screened, most nats first, and the model with the one that was taken."""
+
+    found: tuple[Screened, ...]
+    taken: Model | None
+
+
+@frozen(eq=False)
+class Search:
+    """The models before and after, the rounds, and what could not be tested."""
+
+    before: Model
+    model: Model
+    steps: tuple[SearchStep, ...] = ()
+    untestable: tuple[Untestable, ...] = ()
+
+    @property
+    def trials(self) -> int:
+        """How many hypotheses were screened."""
+        return sum(len(step.found) for step in self.steps)
+
+
+def search(
+    before: Model, effects: Sequence[Effect], most: int = MOST, tell: Callable[[str], None] = lambda text: None
+) -> Search:
+    """Laws added one at a time. Everything is fitted again beside each: rigid body, friction and its form, skew."""
+    model, steps, untestable = before, [], ()
+    for number in range(most):
+        found, unknown = screened_laws(model, effects)
+        untestable = untestable or tuple(unknown)
+        best = _best(model, found)
+        steps.append(SearchStep(tuple(found), best))
+        if best is None:
+            break
+        model = resettled(best)
+        tell(f"found {model.choices[-1].effect.name} ({number + 1})")
+    return Search(before, model, tuple(steps), untestable)
+
+
+def _best(model: Model, found: Sequence[Screened]) -> Model | None:
+    """The model with the law of most nats of those that pass the bar and are preferred by blocks left out. A nonlinear
+    parameter, which all blocks have seen, costs one (Akaike 1974).
+    """
+    clear = [x for x in found if x.clear][:SHORT]
+    tried = [with_choices(model, (*model.choices, refined(x))) for x in clear if x.gain[0] > WORTH * clear[0].gain[0]]
+    good = [
+        new
+        for new in tried
+        if gained(new, model) > 0 and preferred(new, model) > SAME and not new.unphysical(len(new.choices) - 1)
+    ]
+    return max(
+        good, key=lambda new: new.score() - len(new.choices[-1].effect.continuous(new.choices[-1].theta)), default=None
+    )
+
+
+def resettled(model: Model) -> Model:
+    """The same hypothesis with the friction laws and the skew fitted again beside it, and the nonlinear parameters of
+    its laws beside these: Gauss-Newton steps with rigid body and friction, while unseen blocks are told better.
+    """
+    for _ in range(DESCENTS):
+        model = with_choices(settled(model), model.choices)
+        new = _descended(model)
+        if new is None:
+            break
+        model = new
+    return model
+
+
+def _descended(model: Model) -> Model | None:
+    """The model one step further in all continuous nonlinear parameters, the whole step or a part; None where none is
+    better.
+    """
+    places = [(n, k) for n, c in enumerate(model.choices) for k in c.effect.continuous(c.theta)]
+    if not places:
+        return None
+    rows, extra = model.setting.rows, [tangent(model, n, k) for n, k in places]
+    design = np.concatenate((model.unweighted, *extra), axis=2) * model.scale
+    normal = accumulate(design, model.target * model.scale[..., 0], rows.block, rows.blocks, rows.train_blocks)
+    moves = fit(evolve(normal, precision=np.pad(model.precision, (0, len(extra))))).beta[-len(extra) :]
+    for part in PARTS:
+        thetas = [list(c.theta) for c in model.choices]
+        for (n, k), move in zip(places, moves, strict=True):
+            thetas[n][k] += part * move
+        choices = tuple(evolve(c, theta=tuple(map(float, t))) for c, t in zip(model.choices, thetas, strict=True))
+        if all(_within(old, new) for old, new in zip(model.choices, choices, strict=True)):
+            new = with_choices(model, choices)
+            if gained(new, model) > LEAST_GAIN and not any(new.unphysical(n) for n, _ in places):
+                return new
+    return None
+
+
+def _within(old: ChosenEffect, new: ChosenEffect) -> bool:
+    """Whether a step keeps the bounds of the parameters and is small enough for a linearisation."""
+    free = new.effect.continuous(new.theta)
+    near = all(abs(new.theta[k] - old.theta[k]) <= REACH * max(abs(old.theta[k]), REACH) for k in free)
+    return near and all(np.allclose(new.effect.moved(new.theta, k, 0.0), new.theta, rtol=1e-6, atol=1e-6) for k in free)
+
+
+def tangent(model: Model, number: int, index: int) -> np.ndarray:
+    """Column (J, m, 1): what a nonlinear parameter changes of prediction less torque, per unit."""
+    choice = model.choices[number]
+
+    def moved(step: float) -> tuple[np.ndarray, float]:
+        theta = choice.effect.moved(choice.theta, index, step)
+        choices = tuple(evolve(c, theta=theta) if k == number else c for k, c in enumerate(model.choices))
+        trial = evolve(model, choices=choices)
+        return trial.unweighted @ model.fit.beta - trial.target, theta[index]
+
+    (high, above), (low, below) = moved(TANGENT), moved(-TANGENT)
+    return ((high - low) / ((above - below) or 1e12))[..., None]  # a fixed one: zero
+
+
+def refined(screened: Screened) -> ChosenEffect:
+    """The choice with its continuous nonlinear parameters moved to the most nats: of the whole model along a line for
+    lag, delay, saturation and dead band, else of a screening (Nelder, Mead 1965). Only physical values count.
+    """
+    choice = screened.choice
+    free = choice.effect.continuous(choice.theta)
+    if not free:
+        return choice
+    return _along(screened) if isinstance(choice.effect, Late | Erasing) else _simplex(screened, free)
+
+
+def _along(screened: Screened) -> ChosenEffect:
+    model, choice = screened.screen.model, screened.choice
+    known: dict[Theta, float] = {}
+
+    def score(theta: Theta) -> float:
+        if theta not in known:
+            trial = evolve(choice, theta=theta)
+            new = evolve(model, choices=(*model.choices, trial), seen=model.scene)
+            known[theta] = -np.inf if screened.screen.why_not(trial, np.zeros(0)) else new.score()
+        return known[theta]
+
+    best = choice.theta
+    for step in STEPS:
+        best = max((best, *(choice.effect.moved(best, 0, s) for s in (step, -step / (1 + step)))), key=score)
+    return evolve(choice, theta=best)
+
+
+def _simplex(screened: Screened, free: tuple[int, ...]) -> ChosenEffect:
+    from scipy.optimize import minimize
+
+    screen, choice, effect = screened.screen, screened.choice, screened.choice.effect
+    seen: dict[Theta, float] = {choice.theta: float(screened.gain[0])}
+
+    def loss(x: np.ndarray) -> float:
+        theta = choice.theta
+        for index, step in zip(free, np.clip(x, -REACH, REACH), strict=True):
+            theta = effect.moved(theta, index, float(step))
+        trial = evolve(choice, theta=theta)
+        columns = screen.model.columns_of(trial, screen.model.scene)
+        found = screen.added({j: x[screen.fitted] for j, x in columns.items()}, effect)
+        if found is None or screen.why_not(trial, found.beta[:, 0]):
+            return 0.0
+        seen[theta] = float(found.nats(np.array([0]))[0])
+        return -seen[theta]
+
+    simplex = np.vstack([np.zeros(len(free)), 0.1 * np.eye(len(free))])
+    options = {"initial_simplex": simplex, "maxfev": TRIALS * (1 + len(free)), "xatol": 3e-3, "fatol": 0.5}
+    minimize(loss, simplex[0], method="Nelder-Mead", options=options)
+    return evolve(choice, theta=max(seen, key=seen.__getitem__))

@@ -10,6 +10,7 @@ from attrs import evolve, field, frozen
 
 from cosim.closure.drive import StartValues, drive_of, effects_drive
 from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.friction import FORMS
 from cosim.closure.model.model import Model, complete, with_choices
 from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
 from cosim.closure.model.setting import formulate
@@ -17,7 +18,7 @@ from cosim.closure.refusal import Refusal, circular, motion_refusals
 from cosim.closure.score.checks import incomplete, unseparated
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
-from cosim.closure.score.search import MOST, Search, resettled, search
+from cosim.closure.score.search import MOST, EffectSearch, resettled, search
 from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
 from cosim.effects import Effect, library
 from cosim.effects.constants import HALF
@@ -53,7 +54,7 @@ class Closure:
     recording: Recording
     verdict: ClosureVerdict
     before: Model | None = None
-    search: Search | None = None
+    search: EffectSearch | None = None
     error: TorqueError | None = None
     floor: tuple[float | None, ...] = ()
     replay: Replay | None = None
@@ -100,7 +101,7 @@ def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | 
     )
 
 
-def _completed(recording: Recording, found: Search, verdict: ClosureVerdict, options: Options) -> Closure:
+def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdict, options: Options) -> Closure:
     """The closure of a verdict. Here the rows of the report are looked at, for the first time and once."""
     before = evolve(found.before, tangents=False)
     verdict = _no_worse(verdict, before)
@@ -161,9 +162,7 @@ def _worse(error: TorqueError, joints: set[int]) -> bool:
 def _values(recording: Recording, model: Model) -> StartValues:
     """Start values of the device's FMU for a model: rigid body, friction, effects. Empty where it has no FMU.
 
-    The FMU has the algebraic law and the tanh. A sign is a very narrow algebraic law. An atan becomes the algebraic law
-    of its width: its slow tail fits rows in motion, and at reversals, which the fit leaves out, it is too soft (replay
-    of EMPS, unfiltered: 4.01 % against 3.95 %).
+    A sign is a very narrow algebraic law.
     """
     drive = drive_of(recording.device)
     if drive is None:
@@ -173,7 +172,7 @@ def _values(recording: Recording, model: Model) -> StartValues:
         values |= {Label("pi", k + 1): float(v) for k, v in enumerate(declared)}
     for j, law in enumerate(model.laws):
         values[Label.of_joint("coulomb_velocity", j)] = max(law.width, 1e-3 * _top(model, j))
-    values |= {Label.of_joint("coulomb_form", j): 1.0 for j, law in enumerate(model.laws) if law.form == "tanh"}
+        values[Label.of_joint("coulomb_form", j)] = float(FORMS.index(law.form) if law.form in FORMS else 0)
     for label, value in _of_effects(model).items():
         values[label] = values.get(label, 0.0) + value
     return drive.start_values(values)
@@ -229,7 +228,7 @@ def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
     return out
 
 
-def _ended(found: Search) -> list[str]:
+def _ended(found: EffectSearch) -> list[str]:
     """Whether the search was ended while it still found something."""
     if not found.steps or found.steps[-1].taken is None:
         return []

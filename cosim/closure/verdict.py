@@ -14,7 +14,7 @@ from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.checks import ClosureEvent, doubt_of, events, incomplete
 from cosim.closure.score.compare import gained, preferred
 from cosim.closure.score.naming import Leftover, Rival, best_families, corrected, named, rivals
-from cosim.closure.score.search import Search, tangent
+from cosim.closure.score.search import EffectSearch, tangent
 from cosim.effects import Alias, Effect, EffectEstimate
 from cosim.effects.constants import SAME
 from cosim.effects.motion import Joints
@@ -131,7 +131,9 @@ class ClosureVerdict:
         return self.model, self.best
 
 
-def judge(search: Search, effects: Sequence[Effect], tell: Callable[[str], None] = lambda text: None) -> ClosureVerdict:
+def judge(
+    search: EffectSearch, effects: Sequence[Effect], tell: Callable[[str], None] = lambda text: None
+) -> ClosureVerdict:
     """Names that hold with their rivals, what is left, moments that no law explains."""
     tell("comparing names with what has no name")
     found = named(search)
@@ -148,10 +150,10 @@ def judge(search: Search, effects: Sequence[Effect], tell: Callable[[str], None]
     )
     moments = events(model)
     bare = {j: why for j, why in incomplete(model).items() if j not in {x.joint for x in left}}
-    bare |= {e.joint: e.kind for e in moments if e.joint not in {x.joint for x in left}}
     left += _closest(model, bare)
+    doubts = bare | {e.joint: e.kind for e in moments}
     findings = tuple(
-        evolve(f, doubts=(*f.doubts, *(why for j, why in bare.items() if f.acting == (j,)))) for f in findings
+        evolve(f, doubts=(*f.doubts, *(why for j, why in doubts.items() if f.acting == (j,)))) for f in findings
     )
     findings = tuple(sorted(findings, key=lambda f: -f.nats))
     new = any(not f.earlier for f in findings)
@@ -168,7 +170,7 @@ def _closest(model: Model, joints: dict[int, str]) -> tuple[Leftover, ...]:
 
 
 def _finding(
-    search: Search, model: Model, number: int, effects: Sequence[Effect], doubts: dict[object, str]
+    search: EffectSearch, model: Model, number: int, effects: Sequence[Effect], doubts: dict[object, str]
 ) -> NamedEffect:
     choice, acting = model.choices[number], model.acting(number)
     rest = with_choices(model, tuple(c for c in model.choices if c is not choice))

@@ -15,6 +15,7 @@
 
 #define COULOMB_ALGEBRAIC 0.0 /* values of coulomb_form */
 #define COULOMB_TANH 1.0
+#define COULOMB_ATAN 2.0
 #define RK4_REACH 2.78 /* |lambda h| up to which RK4 is stable on the negative real axis */
 
 /* clang-format off */
@@ -48,18 +49,22 @@ enum {
 #define JOINT_HAS(j, name) ((j)->name != 0)
 #endif
 
-/* s(dq), the smooth sign of the friction law: by coulomb_form dq / sqrt(dq^2 + v^2) or tanh(dq / v).
+/* s(dq), the smooth sign of the friction law: by coulomb_form dq / sqrt(dq^2 + v^2), tanh(dq / v) or 2/pi atan(dq / v).
  * tanh x = (1 - e) / (1 + e), e = exp(-2 x), x >= 0: within 2e-16 of it, which is what counts beside a Coulomb level. */
 static inline real joint_sign(const Joint *j, real dq) {
     const real v = j->coulomb_velocity;
-    const mask bent = j->coulomb_form == real_of(COULOMB_TANH);
+    const mask bent = j->coulomb_form == real_of(COULOMB_TANH), slow = j->coulomb_form == real_of(COULOMB_ATAN);
     real s = real_of(0.0);
     if (JOINT_HAS(j, coulomb_form) && any(bent)) {
         const real e = exp_real(-2.0 * real_abs(dq) / v), positive = (1.0 - e) / (1.0 + e);
         s = choose(dq < 0.0, -positive, positive);
         if (all(bent)) return s;
     }
-    return choose(bent, s, dq / real_sqrt(dq * dq + v * v));
+    if (JOINT_HAS(j, coulomb_form) && any(slow)) {
+        s = choose(slow, 2.0 / PI * atan_real(dq / v), s);
+        if (all(slow)) return s;
+    }
+    return choose(bent | slow, s, dq / real_sqrt(dq * dq + v * v));
 }
 
 /* fv dq + fc s (N m) */
@@ -236,8 +241,8 @@ static inline const char *joint_check(const Joint *j, int number, char *text, si
         (void)snprintf(text, size, "stribeck_exponent[%d] = %g is neither 1 nor 2", number, j->stribeck_exponent);
         return text;
     }
-    if (!(j->coulomb_form == COULOMB_ALGEBRAIC || j->coulomb_form == COULOMB_TANH)) {
-        (void)snprintf(text, size, "coulomb_form[%d] = %g is neither 0 (algebraic) nor 1 (tanh)", number,
+    if (!(j->coulomb_form == COULOMB_ALGEBRAIC || j->coulomb_form == COULOMB_TANH || j->coulomb_form == COULOMB_ATAN)) {
+        (void)snprintf(text, size, "coulomb_form[%d] = %g is none of 0 (algebraic), 1 (tanh), 2 (atan)", number,
                        j->coulomb_form);
         return text;
     }

@@ -1,6 +1,4 @@
-"""The project's own sine, cosine, exponential and logarithm: accuracy against 50 digits, the same bits in vector
-lanes.
-"""
+"""The project's own sine, cosine, exponential, logarithm, arc tangent: accuracy against 50 digits, bits of lanes."""
 
 import ctypes
 
@@ -12,30 +10,32 @@ from tests.support.model_harness import compile_library
 
 SCALAR = """
 #include "elementary.h"
-void evaluate(const double *a, int n, double *s, double *c, double *e, double *l)
-{ for (int i = 0; i < n; i++) { sincos_real(a[i], s + i, c + i); e[i] = exp_real(a[i]); l[i] = log_real(a[i]); } }
+void evaluate(const double *a, int n, double *s, double *c, double *e, double *l, double *t)
+{ for (int i = 0; i < n; i++) { sincos_real(a[i], s + i, c + i); e[i] = exp_real(a[i]);
+  l[i] = log_real(a[i]); t[i] = atan_real(a[i]); } }
 """
 LANES = """
 #define REAL_LANES 4
 #include "elementary.h"
-void evaluate(const double *a, int n, double *s, double *c, double *e, double *l)
+void evaluate(const double *a, int n, double *s, double *c, double *e, double *l, double *t)
 {
     for (int i = 0; i < n; i += REAL_LANES) {
-        real x, p, q, r, t;
+        real x, p, q, r, u, v;
         memcpy(&x, a + i, sizeof x);
         sincos_real(x, &p, &q);
         r = exp_real(x);
-        t = log_real(x);
+        u = log_real(x);
+        v = atan_real(x);
         memcpy(s + i, &p, sizeof p); memcpy(c + i, &q, sizeof q); memcpy(e + i, &r, sizeof r);
-        memcpy(l + i, &t, sizeof t);
+        memcpy(l + i, &u, sizeof u); memcpy(t + i, &v, sizeof v);
     }
 }
 """
 
 
 def evaluate(source: str, values: np.ndarray, flags: tuple[str, ...] = ()) -> np.ndarray:
-    """(4, n): sine, cosine, exponential, logarithm."""
-    out = np.zeros((4, len(values)))
+    """(5, n): sine, cosine, exponential, logarithm, arc tangent."""
+    out = np.zeros((5, len(values)))
 
     def point(a):
         return a.ctypes.data_as(ctypes.c_void_p)
@@ -102,10 +102,25 @@ def test_logarithm_is_within_one_unit_in_the_last_place():
     assert ulps(evaluate(SCALAR, values)[3], exact) < 1.0  # e_log.c states "< 1 ulp"
 
 
+def test_arc_tangent_is_within_one_unit_in_the_last_place():
+    random = np.random.default_rng(6)
+    values = np.concatenate(
+        [
+            random.uniform(-4, 4, 3000),
+            10.0 ** random.uniform(-300, 300, 1000),
+            np.nextafter([0.4375, 0.6875, 1.1875, 2.4375], 0),
+        ]
+    )
+    with mpmath.workdps(50):
+        exact = [mpmath.atan(mpmath.mpf(float(a))) for a in values]
+    assert ulps(evaluate(SCALAR, values)[4], exact) < 1.0  # s_atan.c
+
+
 def test_special_values():
-    sine, cosine, power, _ = evaluate(SCALAR, np.array([0.0, -0.0, np.nan, np.inf, -np.inf, 1e7, -710.0, 710.0]))
+    sine, cosine, power, _, angle = evaluate(SCALAR, np.array([0.0, -0.0, np.nan, np.inf, -np.inf, 1e7, -710.0, 710.0]))
     assert sine[0] == 0 and np.signbit(sine[1]) and cosine[0] == cosine[1] == power[0] == 1
     assert np.isnan(sine[2:6]).all() and np.isnan(cosine[2:6]).all()
+    assert angle[0] == angle[1] == 0 and np.isnan(angle[2]) and angle[3] == -angle[4] == np.pi / 2
     assert np.isnan(power[2]) and power[3] == np.inf and power[4] == 0 and power[6] == 0 and power[7] == np.inf
 
 

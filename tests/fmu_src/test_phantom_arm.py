@@ -199,7 +199,7 @@ def test_workspace_limits_end_the_domain_where_asked():
         ({"pi": [1e-3, 1e-3, -1e-3, 1e-3, 1e-3, -1e-3, 0, 0]}, ["pi", "positive definite", "M33 = -0.001"]),
         ({"backlash": [0, 0, 1e-3], "motor_inertia": [0, 0, 1e-3]}, ["motor_inertia[3] = 0.001", "(0, 0.000931886)"]),
         ({"joint_compliance": [0.1] * 3, "motor_inertia": [1e-4, 5e-3, 1e-4]}, ["motor_inertia[2] = 0.005", "(0, "]),
-        ({"coulomb_form": [0, 1, 0.5]}, ["coulomb_form[3] = 0.5", "neither 0 (algebraic) nor 1 (tanh)"]),
+        ({"coulomb_form": [0, 1, 0.5]}, ["coulomb_form[3] = 0.5", "none of 0 (algebraic), 1 (tanh), 2 (atan)"]),
         ({"stribeck_exponent": [2, 1.5, 2]}, ["stribeck_exponent[2] = 1.5", "neither 1 nor 2"]),
         ({"contact_stiffness": 100.0}, ["contact_normal", "contact_stiffness = 100"]),
     ],

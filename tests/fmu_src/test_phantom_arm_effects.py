@@ -40,8 +40,8 @@ REQUIRED = {  # parameters, required torque of (q, dq, t, z)
     "viscous": ({"viscous": A}, lambda q, v, t, z: A * v),
     "coulomb": ({"coulomb": A, "coulomb_velocity": C}, lambda q, v, t, z: A * sign(v, C)),
     "coulomb, forms": (
-        {"coulomb": A, "coulomb_velocity": C, "coulomb_form": [0, 1, 1]},
-        lambda q, v, t, z: A * np.array([sign(v, C)[0], *np.tanh(v / C)[1:]]),
+        {"coulomb": A, "coulomb_velocity": C, "coulomb_form": [0, 1, 2]},
+        lambda q, v, t, z: A * np.array([sign(v, C)[0], np.tanh(v / C)[1], 2 / np.pi * np.arctan(v / C)[2]]),
     ),
     "stribeck": ({"stribeck": A, "stribeck_velocity": C}, lambda q, v, t, z: A * np.exp(-((v / C) ** 2)) * sign(v)),
     "stribeck, exponent 1": (

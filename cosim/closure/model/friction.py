@@ -28,7 +28,7 @@ _FORMS = {
 
 
 FORMS = ("algebraic", "tanh", "atan")
-"""Forms that have a width."""
+"""Forms that have a width, in the order of the FMUs' `coulomb_form`."""
 
 
 def laws(top_speed: float) -> tuple[FrictionLaw, ...]:

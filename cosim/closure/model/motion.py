@@ -235,7 +235,7 @@ def standstill_speed(motion: SmoothedMotion) -> np.ndarray:
 
 def _usable(motion: SmoothedMotion, index: np.ndarray, every: int) -> np.ndarray:
     """Rows whose whole kernel lies inside their run and on one side of the split between fitted and held-out rows."""
-    reach = int(np.ceil(3.5 * motion.widths.total / motion.step))
+    reach = int(np.ceil(motion.widths.support / motion.step))
     good = np.zeros(len(motion.time), bool)
     for a, b in motion.bounds:
         good[a + reach : max(b - reach, a + reach)] = True

@@ -57,6 +57,11 @@ class Widths:
         return float(np.hypot(self.first, self.second))
 
     @property
+    def support(self) -> float:
+        """Half of the length of K and F together [s]: nearer to an end, a filtered value leans on what is not there."""
+        return REACH * (self.first + self.second)
+
+    @property
     def cutoff(self) -> float:
         """Frequency [Hz] at which K F passes half the power."""
         return float(np.sqrt(np.log(2.0)) / (2 * np.pi * self.total))

@@ -31,17 +31,21 @@ def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def incomplete(model: Model) -> dict[int, str]:
     """Joints (0-based) whose model is incomplete whatever explains it, and why: the residual is far larger than the
-    noise of the sensors, or far larger on reported rows than on fitted ones, as where only these cross a gap.
+    noise of the sensors, or far larger on reported rows than on fitted ones, as where only these cross a gap (without
+    the rows of single moments, which lie on either side by chance).
     """
     if (noise := from_sensors(model)) is None:
         return {}
     test, use = model.setting.rows.test, model.setting.use & (model.kept > HALF)
-    fitted, held = (_rms(model.residual, use & rows) for rows in (~test, test))
+    usual = use.copy()
+    for j in range(model.setting.joints):
+        usual[j, _moments(model, j)] = False
+    left, fitted, held = (_rms(model.residual, rows) for rows in (use & ~test, usual & ~test, usual & test))
     torque, reported = (_rms(model.setting.y + model.setting.given, use & rows) for rows in (~test, test))
     out = {}
     for j in range(model.setting.joints):
-        if fitted[j] ** 2 > NOISE * noise[j] ** 2 and fitted[j] > SMALL * torque[j]:
-            out[j] = f"it leaves {fitted[j] / max(noise[j], 1e-300):.3g} times the noise of its sensors"
+        if left[j] ** 2 > NOISE * noise[j] ** 2 and left[j] > SMALL * torque[j]:
+            out[j] = f"it leaves {left[j] / max(noise[j], 1e-300):.3g} times the noise of its sensors"
         elif held[j] ** 2 > NOISE * max(fitted[j], noise[j]) ** 2 and held[j] > SIZE * reported[j]:
             out[j] = (
                 f"it leaves {held[j] / max(fitted[j], noise[j]):.3g} times as much on reported rows as on fitted ones"
@@ -53,23 +57,29 @@ def events(model: Model) -> tuple[ClosureEvent, ...]:
     """Moments that hold half of what is left on a joint in few rows: lost counts, a collision, a dropout."""
     m, rows, out = model.setting.motion, model.setting.rows, []
     for j in range(model.setting.joints):
-        use = np.flatnonzero(model.setting.use[j])
-        if not len(use):
+        few = _moments(model, j)
+        if not len(few):
             continue
-        square = model.residual[j, use] ** 2
-        order = np.argsort(-square)
-        count = int(np.searchsorted(np.cumsum(square[order]), HALF * square.sum())) + 1
-        if count > EVENT * len(use):
-            continue
-        place = np.sort(rows.index[use[order[:count]]])
+        place = rows.index[few]
         apart = np.flatnonzero(np.diff(place) > 8 * m.widths.total / m.step) + 1
         groups = sorted(np.split(place, apart), key=len, reverse=True)[:MOST_EVENTS]
         for group in groups:
             at = int(np.median(group))
-            share = f"{100 * count / len(use):.2g} % of the rows hold half of what is left"
+            share = f"{100 * len(few) / model.setting.use[j].sum():.2g} % of the rows hold half of what is left"
             kind = f"{share}: lost counts, a collision or a dropout"
             out.append(ClosureEvent(float(m.time[at]), m.names[m.run[at]], j, kind))
     return tuple(sorted(out, key=lambda e: (e.joint, e.time)))
+
+
+def _moments(model: Model, joint: int) -> np.ndarray:
+    """The fewest rows that hold half of what is left on a joint, in order of time; empty where they are not few."""
+    use = np.flatnonzero(model.setting.use[joint])
+    if not len(use):
+        return use
+    square = model.residual[joint, use] ** 2
+    order = np.argsort(-square)
+    count = int(np.searchsorted(np.cumsum(square[order]), HALF * square.sum())) + 1
+    return np.sort(use[order[:count]]) if count <= EVENT * len(use) else use[:0]
 
 
 def doubt_of(model: Model, choice: ChosenEffect, joints: Joints) -> str:

@@ -5,8 +5,6 @@ from attrs import frozen
 
 from cosim.closure.model.model import Model
 
-BURN = 3.5  # filter widths at the ends of runs that are never judged
-
 
 @frozen(eq=False)
 class TorqueError:
@@ -54,7 +52,7 @@ def torque_error(before: Model, after: Model) -> TorqueError:
 def _inside(model: Model) -> np.ndarray:
     """Rows (m,) whose kernel lies within their run."""
     m, index = model.setting.motion, model.setting.rows.index
-    reach = int(np.ceil(BURN * m.widths.total / m.step))
+    reach = int(np.ceil(m.widths.support / m.step))
     start, stop = (np.array(edge)[m.run[index]] for edge in zip(*m.bounds, strict=True))
     return (index >= start + reach) & (index < stop - reach)
 

@@ -21,7 +21,7 @@ from cosim.closure.model.families import Family
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.compare import gained, preferred
 from cosim.closure.score.null import Screened, screened_families, screened_laws
-from cosim.closure.score.search import Search, refined, resettled
+from cosim.closure.score.search import EffectSearch, refined, resettled
 from cosim.effects import Effect
 from cosim.effects.constants import MARGIN, SAME
 from cosim.effects.motion import Joints
@@ -80,7 +80,7 @@ class Named:
     left: tuple[Leftover, ...]
 
 
-def named(found: Search) -> Named:
+def named(found: EffectSearch) -> Named:
     """The names of a search that hold beside and against families."""
     model, withdrawn = _without_form_errors(found.model, found.before)
     doubts: dict[object, str] = {}

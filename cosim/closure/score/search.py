@@ -35,7 +35,7 @@ class SearchStep:
 
 
 @frozen(eq=False)
-class Search:
+class EffectSearch:
     """The models before and after, the rounds, and what could not be tested."""
 
     before: Model
@@ -51,7 +51,7 @@ class Search:
 
 def search(
     before: Model, effects: Sequence[Effect], most: int = MOST, tell: Callable[[str], None] = lambda text: None
-) -> Search:
+) -> EffectSearch:
     """Laws added one at a time. Everything is fitted again beside each: rigid body, friction and its form, skew."""
     model, steps, untestable = before, [], ()
     for number in range(most):
@@ -63,7 +63,7 @@ def search(
             break
         model = resettled(best)
         tell(f"found {model.choices[-1].effect.name} ({number + 1})")
-    return Search(before, model, tuple(steps), untestable)
+    return EffectSearch(before, model, tuple(steps), untestable)
 
 
 def _best(model: Model, found: Sequence[Screened]) -> Model | None:

@@ -112,6 +112,10 @@ class Effect(ABC):
         """The FMU parameter that each nonlinear parameter is."""
         return ()
 
+    def simpler(self, theta: Theta) -> tuple[Theta, ...]:
+        """Forms of the law that this one holds and that have fewer parameters, the fewest first."""
+        return ()
+
     def continuous(self, theta: Theta) -> tuple[int, ...]:
         """Which nonlinear parameters are continuous and may be refined; none by default."""
         return ()

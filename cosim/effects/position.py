@@ -89,6 +89,11 @@ class PositionTorque(Effect):
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         return tuple((float(k),) for k in range(len(self.SHAPES)))
 
+    def simpler(self, theta: Theta) -> tuple[Theta, ...]:
+        own = set(self.SHAPES[int(theta[0])])
+        held = [k for k, shape in enumerate(self.SHAPES) if set(shape) < own]
+        return tuple((float(k),) for k in sorted(held, key=lambda k: len(self.SHAPES[k])))
+
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         q = scene.motion.q[:, joints]
         powers = {8: np.sin, 9: np.cos}
@@ -175,6 +180,9 @@ class Hysteresis(Effect):
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         lengths = scene.angle_range(joints[0]) * np.geomspace(0.003, 0.5, 9)
         return tuple((float(x), *form) for form in ((0.0, 0.0), self.FIRST) for x in lengths)
+
+    def simpler(self, theta: Theta) -> tuple[Theta, ...]:
+        return ((theta[0], 0.0, 0.0),) if theta[1] else ()
 
     def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0, 1, 2) if theta[1] else (0,)

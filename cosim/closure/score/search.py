@@ -63,7 +63,19 @@ def search(
             break
         model = resettled(best)
         tell(f"found {model.choices[-1].effect.name} ({number + 1})")
-    return EffectSearch(before, model, tuple(steps), untestable)
+    return EffectSearch(before, simplified(model), tuple(steps), untestable)
+
+
+def simplified(model: Model) -> Model:
+    """The model with the simplest form of each law that unseen blocks do not tell from the one that was found."""
+    for number, choice in enumerate(model.choices):
+        for theta in choice.effect.simpler(choice.theta):
+            fewer = (*model.choices[:number], evolve(choice, theta=theta), *model.choices[number + 1 :])
+            trial = resettled(with_choices(model, fewer))
+            if preferred(model, trial) <= SAME and not trial.unphysical(number):
+                model = trial
+                break
+    return model
 
 
 def _best(model: Model, found: Sequence[Screened]) -> Model | None:

@@ -8,6 +8,7 @@ import json
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from cosim.sweeps.shares import interval
 
 LEAST = 0.75
 """Of the noise floor that an effect has to add before it counts as one that shows."""
+SIGNALS = {"direction": "dq", "speed": "dq", "torque": "tau", "load": "tau", "acceleration": "ddq"}
+"""What the answer calls that on which a laboratory says a phenomenon depends; other words are alike."""
 
 
 def main() -> None:
@@ -66,9 +69,31 @@ def judged(truth: dict, answer: dict, kind: str) -> list[str]:
     sure = {e["name"] for e in answer["effects"] if not e["indistinguishable_from"]} - {"unknown"}
     if kind in ("one", "pair") and all(any({name, *alike} & s for s in sets) for name in wanted):
         words.append("right")
+    elif kind == "one" and family_is_right(truth, answer):
+        words += ["right", "by family"]
     if kind == "outside" and (answer["verdict"] == "unexplained" or any("unknown" in s for s in sets)):
         words.append("right")
     return words + ["sure wrong"] * bool(sure - alike - set(wanted))
+
+
+def family_is_right(truth: dict, answer: dict) -> bool:
+    """Whether what is left without a name, on a joint of the phenomenon, depends on the phenomenon's own signals. With
+    a history goes the direction.
+    """
+
+    def plain(words: Iterable[str]) -> set[str]:
+        found = {SIGNALS.get(word, word.removesuffix(" of q")) for word in words}
+        return found - {"dq"} if "history" in found else found
+
+    wanted = plain(truth["depends_on"])
+    for effect in answer["effects"]:
+        if effect["name"] == "unknown" and set(effect["joints"]) & set(truth["joints"]):
+            found = plain(
+                signal.rstrip("0123456789").replace("history of q", "history") for signal in effect["signals"]
+            )
+            if found == wanted:
+                return True
+    return False
 
 
 def bounds(count: int, of: int) -> str:

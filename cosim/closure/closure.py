@@ -28,6 +28,7 @@ from cosim.measured.rates import at_one_rate
 
 if TYPE_CHECKING:
     from cosim.closure.replay import Replay
+    from cosim.closure.simulation import FreeSimulation
 
 
 @frozen
@@ -58,6 +59,7 @@ class Closure:
     error: TorqueError | None = None
     floor: tuple[float | None, ...] = ()
     replay: Replay | None = None
+    simulation: FreeSimulation | None = None
     values_before: StartValues = field(factory=dict)
     values_after: StartValues = field(factory=dict)
     effect_values: StartValues = field(factory=dict)
@@ -65,7 +67,17 @@ class Closure:
 
 
 def close_loop(recording: Recording, options: Options = Options()) -> Closure:
-    """Find the effects that the complete model lacks, add them, compare held-out errors before and after."""
+    """Find the effects that the complete model lacks, add them, compare held-out errors before and after.
+
+    Its matrices have few columns: more threads of the linear algebra than one wait for each other.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return _closed(recording, options)
+
+
+def _closed(recording: Recording, options: Options) -> Closure:
     progress = options.progress
     progress("smoothing and differentiating")
     recording = at_one_rate(_unloaded(recording))
@@ -254,16 +266,14 @@ def _replayed(closure: Closure, options: Options) -> Closure:
         return closure
     options.progress("replaying the experiment with both FMUs")
     from cosim.closure.replay import replay, without_hold
+    from cosim.closure.simulation import simulate
     from cosim.errors import InputError, RunError
 
     motion = closure.before.setting.motion
+    sides = [without_hold(values, motion.sample) for values in (closure.values_before, closure.values_after)]
+    closure = evolve(closure, simulation=simulate(closure.recording, *sides))
     try:
-        result = replay(
-            closure.recording,
-            without_hold(closure.values_before, motion.sample),
-            without_hold(closure.values_after, motion.sample),
-            motion.widths.total,
-        )
+        result = replay(closure.recording, sides[0], sides[1], motion.widths.total)
     except (InputError, RunError) as error:
         return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))
     if result is None:

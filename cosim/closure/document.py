@@ -24,7 +24,7 @@ def answer(closure: Closure) -> dict[str, Any]:
         "device": closure.recording.device.word,
         "joints": list(closure.recording.joints),
         "events": [{"time": e.time, "run": e.run, "joint": e.joint + 1, "kind": e.kind} for e in verdict.events],
-        "simulation_error": None,
+        "simulation_error": _simulation(closure),
         "withdrawn": [
             {"name": c.effect.name, "joints": [j + 1 for j in c.joints], "reason": why} for c, why in verdict.withdrawn
         ],
@@ -147,6 +147,16 @@ def _replay(closure: Closure) -> dict[str, Any] | None:
         "position_after": _numbers(r.position_after),
         "runs": list(r.runs),
     }
+
+
+def _simulation(closure: Closure) -> dict[str, Any] | None:
+    s = closure.simulation
+    if s is None:
+        return None
+    unit = "m" if closure.recording.description.prismatic else "rad"
+    sides = {"before": s.before, "after": s.after}
+    values = {name: None if side is None else _numbers(side) for name, side in sides.items()}
+    return {"metric": "rmse of position", "unit": unit, **values, "runs": list(s.runs)}
 
 
 def _candidates(closure: Closure) -> list[dict[str, Any]]:

@@ -28,15 +28,15 @@ def floor(model: Model) -> tuple[float | None, ...]:
 
 def from_sensors(model: Model) -> np.ndarray | None:
     """RMS (nj,) [N.m] that the white noise of torque and encoders leaves in the residual; None where the inertia is not
-    known.
+    known. Recorded columns bring the noise of the encoders along.
     """
-    m, encoders = model.setting.motion, from_encoders(model)
-    if encoders is None:
-        return None
-    torque = np.sqrt(np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)) * noise_left(
-        m.widths.total, m.sample
-    )
-    return np.hypot(torque, encoders)
+    m = model.setting.motion
+    white = np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)
+    if model.setting.device.recorded_columns:
+        rigid = [position_noise(model.scene.rigid[a:b]) ** 2 for a, b in m.bounds]
+        return np.sqrt(white + np.mean(rigid, axis=0)) * noise_left(m.widths.total, m.sample)
+    encoders = from_encoders(model)
+    return None if encoders is None else np.hypot(np.sqrt(white) * noise_left(m.widths.total, m.sample), encoders)
 
 
 def from_encoders(model: Model) -> np.ndarray | None:

@@ -177,7 +177,8 @@ def _finding(
     values, interval = intervals(model, number)
     known = rivals(model, number, effects)
     why = (doubts.get(choice.key, ""), doubt_of(model, choice, acting), model.unphysical(number))
-    hidden = {u.choice.effect.name for u in search.untestable if set(u.choice.joints) & set(acting) and not u.within}
+    tried = (*(search.steps[0].found if search.steps else ()), *(u for u in search.untestable if u.within))
+    tested = {x.choice.effect.name for x in tried if set(x.choice.joints) & set(acting)}
     return NamedEffect(
         choice,
         gained(model, rest),
@@ -186,7 +187,7 @@ def _finding(
         interval,
         rivals=known,
         inherent=choice.effect.inherent(model.estimate(number)),
-        untestable=tuple(a.name for a in choice.effect.aliases if a.name in hidden),
+        untestable=tuple(a.name for a in choice.effect.aliases if a.name not in tested),
         doubts=tuple(filter(None, why)),
         separated=tuple((r.choice.effect.name, where_apart(model, rest, r)) for r in known if r.worse < SAME),
         acting=acting,

@@ -47,6 +47,6 @@ that fewer rows go is not seen. Source: a sixth of the 13 % that hold half in no
 reversals have events."""
 
 FED_BACK = 0.3
-"""Share of a joint's squared residual that the noise of an encoder may let a lag or a spring explain: both smooth
-what a controller feeds back. Source: complete recordings reach 0.25. Doubled: a true lag has to show by 1.2 noise
-floors, now by 0.65."""
+"""Of what the noise of an encoder leaves in a residual, squared: the share that a controller feeds back, so that a lag
+explains it; a spring smooths the rest as well. Source: complete recordings reach 0.25. Doubled: where encoders make
+most of the residual, a true lag has to show by 1.2 noise floors, now by 0.65."""

@@ -29,9 +29,9 @@ KINDS = {
     """,
     "controllers and replays": """
         controller.0.9 controller.CLOSE controller.PULSES controller.0.999 controller.0.001 controller.0.01 drive.STEPS
-        replay.LATE replay.LEAST
+        replay.LATE replay.LEAST simulation.FIRST
     """,
-    "warnings": "closure.0.3 closure.0.5 closure.1.01",
+    "warnings": "closure.0.3 closure.0.5 closure.1.01 closure.FORMS",
 }
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from attrs import frozen
 
 from cosim.closure.model.choice import ChosenEffect
-from cosim.closure.model.gram import scales
 from cosim.closure.model.model import Model
 from cosim.closure.score.floor import from_sensors
 from cosim.effects.actuator import Erasing
@@ -32,13 +31,16 @@ def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def incomplete(model: Model) -> dict[int, str]:
     """Joints (0-based) whose model is incomplete whatever explains it, and why: the residual is far larger than the
-    noise of the sensors, or far larger on usual blocks of reported rows than on those of fitted ones, as where only
-    these cross a gap.
+    noise of the sensors, or far larger on reported rows than on fitted ones, as where only these cross a gap (without
+    the rows of single moments, which lie on either side by chance).
     """
     if (noise := from_sensors(model)) is None:
         return {}
     test, use = model.setting.rows.test, model.setting.use & (model.kept > HALF)
-    left, fitted, held = _rms(model.residual, use & ~test), np.sqrt(model.variance), _held(model)
+    usual = use.copy()
+    for j in range(model.setting.joints):
+        usual[j, _moments(model, j)] = False
+    left, fitted, held = (_rms(model.residual, rows) for rows in (use & ~test, usual & ~test, usual & test))
     torque, reported = (_rms(model.setting.y + model.setting.given, use & rows) for rows in (~test, test))
     out = {}
     for j in range(model.setting.joints):
@@ -49,13 +51,6 @@ def incomplete(model: Model) -> dict[int, str]:
                 f"it leaves {held[j] / max(fitted[j], noise[j]):.3g} times as much on reported rows as on fitted ones"
             )
     return out
-
-
-def _held(model: Model) -> np.ndarray:
-    """RMS (J,) of the residual on usual blocks of reported rows."""
-    t = model.setting.rows.train_blocks
-    sse, rows = model.fit.sse[t:], model.gram.rows[t:]
-    return np.sqrt(scales(sse, rows, len(sse))[0]) / model.weight if len(sse) else np.zeros(model.setting.joints)
 
 
 def events(model: Model) -> tuple[ClosureEvent, ...]:

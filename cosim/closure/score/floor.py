@@ -6,6 +6,8 @@ between the repeats.
     floor = 100 sqrt(half the mean squared difference of neighbouring cycles) / RMS of the torque
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cosim.closure.model.model import Model
@@ -28,26 +30,30 @@ def floor(model: Model) -> tuple[float | None, ...]:
 
 def from_sensors(model: Model) -> np.ndarray | None:
     """RMS (nj,) [N.m] that the white noise of torque and encoders leaves in the residual; None where the inertia is not
-    known. Recorded columns bring the noise of the encoders along.
+    known.
     """
-    m = model.setting.motion
-    white = np.mean([position_noise(u) ** 2 for u in m.commands], axis=0)
-    if model.setting.device.recorded_columns:
-        rigid = [position_noise(model.scene.rigid[a:b]) ** 2 for a, b in m.bounds]
-        return np.sqrt(white + np.mean(rigid, axis=0)) * noise_left(m.widths.total, m.sample)
-    encoders = from_encoders(model)
-    return None if encoders is None else np.hypot(np.sqrt(white) * noise_left(m.widths.total, m.sample), encoders)
+    m, encoders = model.setting.motion, from_encoders(model)
+    if encoders is None:
+        return None
+    return np.hypot(_white(m.commands) * noise_left(m.widths.total, m.sample), encoders)
 
 
 def from_encoders(model: Model) -> np.ndarray | None:
-    """RMS (nj,) [N.m] that the white noise of the encoders, differentiated twice, leaves in the residual; None as
-    `from_sensors`.
+    """RMS (nj,) [N.m] that the white noise of the encoders, differentiated twice or in recorded columns, leaves in the
+    residual; None as `from_sensors`.
     """
     scene, m = model.scene, model.setting.motion
+    if scene.device.recorded_columns:
+        return _white([scene.rigid[a:b] for a, b in m.bounds]) * noise_left(m.widths.total, m.sample)
     if scene.rigid_slopes is None or not m.differentiated:
         return None
     inertia = np.array([np.sqrt(np.mean(scene.joint(j).slopes[2][j] ** 2)) for j in range(m.joints)])
     return inertia * m.angle_noise * noise_left(m.widths.total, m.sample, derivative=2)
+
+
+def _white(runs: Sequence[np.ndarray]) -> np.ndarray:
+    """Standard deviation (nj,) of the white part of signals (n, nj) of several runs."""
+    return np.sqrt(np.mean([position_noise(x) ** 2 for x in runs], axis=0))
 
 
 def _cycles(motion: SmoothedMotion, a: int, b: int) -> np.ndarray | None:

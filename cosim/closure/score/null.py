@@ -338,10 +338,12 @@ class Screen:
             return True
         joints, noise = list(choice.joints), from_encoders(self.model)
         rows = max(int(self.used[joints].sum()), 1)
+        own = 1.0  # the noise's share of the residual
+        if noise is not None:
+            own = min(float((noise[joints] ** 2).mean() / self.model.variance[joints].mean()), 1.0)
         share = 1 - np.exp(-2 * gain / rows)
-        if noise is not None and not isinstance(choice.effect, Late):
-            share -= (noise[joints] ** 2).mean() / self.model.variance[joints].mean()
-        return bool(share < FED_BACK)
+        whole = 0.0 if isinstance(choice.effect, Late) else 1.0  # a spring smooths all of it
+        return bool(share < (whole + FED_BACK) * own)
 
     def why_not(self, choice: ChosenEffect, beta: np.ndarray) -> str:
         """Why coefficients of a screening cannot be the effect; empty where they can."""

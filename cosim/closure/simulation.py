@@ -119,9 +119,8 @@ def _experiment(drive: Drive, run: Run, folder: Path) -> Scenario:
     settings = Experiment(
         stop=(len(run) - 1) * step,
         step=step,
-        algorithm=Algorithm.GAUSS_SEIDEL,
+        algorithm=Algorithm.JACOBI,  # a step's torque is that of its beginning
         extrapolation=Extrapolation.HOLD,
-        order=("torque", "drive"),
     )
     wires = tuple(
         Connection(Signal("torque", f"y[{j + 1}]"), Signal("drive", drive.variable("tau", j)))

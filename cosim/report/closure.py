@@ -341,6 +341,12 @@ def _replay(closure: Closure) -> Section | None:
         "A replay can disagree with the torque error: its errors feed back "
         "through the controller."
     )
+    if s := closure.simulation:
+        unit = "m" if closure.recording.description.prismatic else "rad"
+        sides = ("ran away" if x is None else ", ".join(f"{v:.3g}" for v in x) for x in (s.before, s.after))
+        text += "\n\nFree simulation, the recorded torque alone, RMS of position by joint: {} -> {} {}.".format(
+            *sides, unit
+        )
     if r.warnings:
         text += "\n\n" + "\n\n".join(r.warnings)
     return Section("Replay as a co-simulation", text, [Table(header, rows, digits=3)], figures)

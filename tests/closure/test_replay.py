@@ -21,8 +21,10 @@ TRUE = {
 PLAIN = {**TRUE, "viscous_asymmetry": 0.0}
 
 
-def recorded(pulse: float = 0.0, seconds: float = 4.0) -> Run:
-    """A PD loop sampled at 1 kHz around a friction drive, Euler at 10 kHz; second half held out, pulses."""
+def recorded(pulse: float = 0.0, seconds: float = 4.0, fine: int = FINE) -> Run:
+    """A PD loop sampled at 1 kHz around a friction drive, Euler with `fine` steps a sample; second half held out,
+    pulses.
+    """
     n = int(seconds / STEP)
     time = np.arange(n) * STEP
     q_ref = 0.15 * np.sin(2 * np.pi * 0.7 * time) + 0.04 * np.sin(2 * np.pi * 1.9 * time)
@@ -31,10 +33,10 @@ def recorded(pulse: float = 0.0, seconds: float = 4.0) -> Run:
         q[k] = x
         speed = (q[k] - q[k - 2]) / (2 * STEP) if k >= 2 else 0.0
         tau[k] = KP * (q_ref[k] - x) - KD * speed + pulse * (2 * k >= n and int(5 * time[k]) % 2)
-        for _ in range(FINE):
+        for _ in range(fine):
             friction = 3.0 * v + 1.5 * v / np.hypot(v, 0.02) - 1.5 * abs(v) + 0.3
-            v += STEP / FINE * (tau[k] - friction) / 1.2
-            x += STEP / FINE * v
+            v += STEP / fine * (tau[k] - friction) / 1.2
+            x += STEP / fine * v
     return Run("run", time, q[:, None], tau[:, None], time >= seconds / 2, q_ref=q_ref[:, None])
 
 

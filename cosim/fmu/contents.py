@@ -183,15 +183,19 @@ def _notes(v: ListedVariable) -> str:
     return "; ".join(part for part in (items, limits, v.description) if part)
 
 
+_MANY = 1e6  # steps of a scenario to begin with
+
+
 def _scenario(path: Path, model: Any, variables: tuple[ListedVariable, ...]) -> str:
     """A scenario file that runs the FMU alone, with its parameters at their start values."""
     name, known = "fmu", _experiment(model.defaultExperiment)
     inputs = [v.name for v in variables if v.kind == "input" and v.type != "Clock"]
     step = known.get("step", 1e-3)
-    stop = max(1, round(min(known.get("stop", 1.0), 1e6 * step) / step)) * step
+    stop = max(1, round(min(known.get("stop", 1.0), _MANY * step) / step)) * step
+    cut = f"  # the FMU's own: {known['stop']:g} s" if known.get("stop", 0.0) > _MANY * step else ""
     lines = ["format = 1", "connections = ["]
     lines += [f"    # {toml_value(f'other.output -> {name}.{v}')}," for v in inputs]
-    lines += ["]", "[experiment]", f"stop = {float(f'{stop:.12g}')!r}", f"step = {step!r}", f"[components.{name}]"]
+    lines += ["]", "[experiment]", f"stop = {float(f'{stop:.12g}')!r}{cut}", f"step = {step!r}", f"[components.{name}]"]
     lines += [f"fmu = {toml_value(path.name)}", f"[components.{name}.parameters]"]
     lines += [
         _assignment(v) for v in variables if v.kind in ("parameter", "structuralParameter") and v.start is not None

@@ -53,7 +53,7 @@ def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[s
     for name, component in scenario.components.items():
         try:
             description = describe(fmu_file(component, scenario, progress), component.parameters)
-            warnings = recording_warnings(component, scenario)
+            warnings = (*description.warnings, *recording_warnings(component, scenario))
             found[name] = evolve(description, warnings=warnings) if warnings else description
         except InputError as error:
             told = {p.got for p in problems}  # a model that two components share
@@ -96,6 +96,7 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
         interface.needsExecutionTool,
         model.generationTool or "",
         given,
+        _begins_late(experiment),
         differentiates=_differentiates(root),
         carried={pair.get("output", ""): pair.get("input", "") for pair in root.iter("Carries")},
     )
@@ -148,6 +149,12 @@ def platforms_of(path: str) -> tuple[str, ...]:
 
 def _optional(text: str | None) -> float | None:
     return float(text) if text else None
+
+
+def _begins_late(experiment: Any) -> tuple[str, ...]:
+    """A warning where an FMU's default experiment does not start where every run does."""
+    start = _optional(experiment and experiment.startTime) or 0.0
+    return (f"its default experiment starts at {start:g} s; a run starts at 0 s",) if start else ()
 
 
 def _root(path: str) -> ElementTree.Element:

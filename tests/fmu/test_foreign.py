@@ -85,6 +85,14 @@ def test_limits_and_starts_that_contradict_each_other_are_refused(tmp_path, limi
     assert words in refusal(scenario(tmp_path, {"a": (file, {})}))
 
 
+def test_a_default_experiment_that_starts_later_or_is_very_long_is_told(tmp_path):
+    times = '<DefaultExperiment startTime="2" stopTime="1e9" stepSize="0.1"/>'
+    file = fmi2(tmp_path / "e.fmu", experiment=times)
+    notes = cosim.run(scenario(tmp_path, {"a": (file, {})})).summary["notes"]
+    assert "a: its default experiment starts at 2 s; a run starts at 0 s" in notes
+    assert "stop = 100000.0  # the FMU's own: 1e+09 s" in str(cosim.inspect(file))
+
+
 def test_a_description_in_another_encoding_than_it_says_is_refused(tmp_path):
     fmi2(tmp_path / "e.fmu")
     with zipfile.ZipFile(tmp_path / "e.fmu") as archive:

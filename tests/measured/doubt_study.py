@@ -138,7 +138,7 @@ FORMS = {"the forms of the tests": FAULTS, "other forms": OTHER_FORMS}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("seeds", type=int, nargs="?", default=20)
     parser.add_argument("clean", type=int, nargs="?", default=100)
     parser.add_argument("--trials", type=Path, help="file of trials that were made, to go on from")

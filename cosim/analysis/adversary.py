@@ -9,8 +9,10 @@ from cosim.errors import InputError, Problem
 _IMPROVEMENTS = 12
 _FACTOR = 3
 """Steps taken together: powers of this."""
-_FEW = 60
+_FEW = 30
 """Coarse steps in the largest delay, at most."""
+_CLEARLY = 1e-3
+"""Part by which a rate has to exceed another to be counted as greater: what a sketch is not sure of."""
 
 
 def _whole(values) -> np.ndarray:
@@ -66,12 +68,28 @@ def destroying_law(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int
     return None if sketch is None else refined(loop, ways, sketch, low, high)
 
 
-def sketched(loop: SampledLoop, ways: tuple[int, ...], low: int, high: int) -> DelayLaw | None:
-    """A destroying law of coarse steps, near the smallest bound; None where the search finds none."""
+def sketched(
+    loop: SampledLoop, ways: tuple[int, ...], low: int, high: int, start: DelayLaw | None = None
+) -> DelayLaw | None:
+    """A destroying law of coarse steps, near the smallest bound; None where the search finds none.
+
+    start: a sketch of a loop like this one, as fine, from which the search begins; else it begins from many laws.
+    """
     together = _together(high)
-    coarse, least, most = _level(loop, together), max(low // together - 1, 1), -(-high // together)
+    coarse, bounds = _level(loop, together), _bounds(low, high, together)
+    begun = start is not None and round(start.step / loop.step) == together
+    best = _tuned(coarse, bounds[1], ways, start, 4) if start and begun else _searched(coarse, bounds[1], ways)
+    return _descended(coarse, best, ways, bounds, 4, 8) if best.growth_rate > 0.0 else None
+
+
+def sooner(loop: SampledLoop, ways: tuple[int, ...], low: int, sketch: DelayLaw) -> DelayLaw | None:
+    """A sketch of independent ways that makes the loop grow more than a given one of the same bound; None if none."""
+    together, most = round(sketch.step / loop.step), int(sketch.ages.max())
+    coarse = _level(loop, together)
     best = _searched(coarse, most, ways)
-    return _descended(coarse, best, ways, (least, most), 4, 8) if best.growth_rate > 0.0 else None
+    if best.growth_rate <= sketch.growth_rate + _CLEARLY * abs(sketch.growth_rate):
+        return None
+    return _descended(coarse, best, ways, (_bounds(low, most * together, together)[0], most), 4, 8)
 
 
 def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int, high: int) -> DelayLaw | None:
@@ -80,10 +98,14 @@ def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int
     while together > 1:
         together //= _FACTOR
         law = evolve(law, ages=np.repeat(law.ages, _FACTOR, axis=1) * _FACTOR, step=law.step / _FACTOR)
-        bounds = max(low // together - 1, 1), high // together + _FACTOR
-        law = _descended(_level(loop, together), law, ways, bounds, 2, 5)
+        law = _descended(_level(loop, together), law, ways, _bounds(low, high, together), 1, 4)
     exact = under(loop, law.ages)
     return exact if exact.growth_rate > 0.0 else None
+
+
+def _bounds(low: int, high: int, together: int) -> tuple[int, int]:
+    """Bounds [coarse steps] that hold those of the loop's own steps."""
+    return max(low // together - 1, 1), -(-high // together) + 1
 
 
 def _together(high: int) -> int:

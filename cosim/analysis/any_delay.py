@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.analysis.adversary import DelayLaw, refined, sketched, under
+from cosim.analysis.adversary import DelayLaw, refined, sketched, sooner, under
 from cosim.analysis.certificate import Certificate
 from cosim.analysis.delay_grid import uniform_grid
 from cosim.analysis.multiplier import certify
@@ -70,38 +70,67 @@ def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say) -> TwoSi
 
     say: is told what is being done.
     """
-    found = {}
-    for kind in (EQUAL, CLASS):
-        say(f"searching a delay law that destroys: {'equal' if kind == EQUAL else 'independent'} ways")
-        destroyer = _destroyer(parts, kind, low, high)
-        if destroyer is not None:
-            found[kind] = destroyer
+    say("searching a delay law that destroys")
+    found = _destroyers(parts, low, high)
     first = min(found.values(), key=lambda d: d.max_delay, default=None)
-    order = list(range(len(parts)))
-    if first is not None:  # what is destroyed first is mostly what limits the certificate
-        order.sort(key=lambda k: k != first.part)
     most = high if first is None else int(first.law.ages.max())
     try:
-        held = _certificates([(k, parts[k]) for k in order], most, say)
+        held = _certificates(parts, most, 0 if first is None else first.part, say)
     except InputError as error:  # a package of the extra is missing
         return TwoSided((), "; ".join(str(problem) for problem in error.problems), found)
     why = "" if held else "no certificate of this kind was found; nothing follows from that"
-    return TwoSided([held[k] for k in sorted(held)], why, found)
+    return TwoSided(held, why, found)
 
 
-def _destroyer(parts: Sequence[LoopPart], kind: str, low: int, high: int) -> Destroyer | None:
-    """The law of the smallest bound over the parts: sketched for each, improved where the sketch reaches furthest."""
+def _destroyers(parts: Sequence[LoopPart], low: int, high: int) -> dict[str, Destroyer]:
+    """A law of equal ways and one of independent ways, by their class; equal laws are independent ones too."""
+    found = {}
+    equal = _sketch(parts, low, high, equal=True)
+    if equal is not None:
+        found[EQUAL] = _refined(parts, equal, low, high)
+    free = _sketch(parts, low, high, equal=False) if equal is None else _sooner(parts, equal, low)
+    if free is not None:
+        found[CLASS] = _refined(parts, free, low, high)
+    law = min((d for d in found.values() if d is not None), key=lambda d: d.max_delay, default=None)
+    found[CLASS] = law
+    return {kind: destroyer for kind, destroyer in found.items() if destroyer is not None}
+
+
+@frozen
+class _Sketch:
+    """A destroying law of coarse steps, the part that it makes grow, and which law each of its channels follows."""
+
+    law: DelayLaw
+    part: int
+    ways: tuple[int, ...]
+
+
+def _sketch(parts: Sequence[LoopPart], low: int, high: int, equal: bool) -> _Sketch | None:
+    """That of the smallest bound over the parts; what destroys one is where the search on the next begins."""
     best, least = None, high
     for number, part in enumerate(parts):
-        ways = tuple(0 for _ in part.owner) if kind == EQUAL else part.owner
-        sketch = sketched(part.loop, ways, low, least)
-        if sketch is not None and (best is None or sketch.max_delay <= best[0].max_delay):
-            best, least = (sketch, number, ways), min(least, int(np.ceil(sketch.max_delay / part.loop.step)))
-    if best is None:
-        return None
-    sketch, number, ways = best
-    law = refined(parts[number].loop, ways, sketch, low, high)
-    return None if law is None else Destroyer(law, number, parts[number].owner)
+        ways = tuple(0 for _ in part.owner) if equal else part.owner
+        law = sketched(part.loop, ways, low, least, best.law if best else None)
+        if law is not None and (best is None or _reach(law) < _reach(best.law)):
+            best, least = _Sketch(law, number, ways), min(least, int(np.ceil(law.max_delay / part.loop.step)))
+    return best
+
+
+def _reach(law: DelayLaw) -> tuple[float, float]:
+    """Laws of the smallest bound first, among them those that grow fastest."""
+    return law.max_delay, -law.growth_rate
+
+
+def _sooner(parts: Sequence[LoopPart], equal: _Sketch, low: int) -> _Sketch | None:
+    owner = parts[equal.part].owner
+    law = sooner(parts[equal.part].loop, owner, low, equal.law) if len(set(owner)) > 1 else None
+    return None if law is None else _Sketch(law, equal.part, owner)
+
+
+def _refined(parts: Sequence[LoopPart], sketch: _Sketch, low: int, high: int) -> Destroyer | None:
+    part = parts[sketch.part]
+    law = refined(part.loop, sketch.ways, sketch.law, low, high)
+    return None if law is None else Destroyer(law, sketch.part, part.owner)
 
 
 def widened(destroyer: Destroyer, loop: SampledLoop, more: int) -> Destroyer:
@@ -110,26 +139,32 @@ def widened(destroyer: Destroyer, loop: SampledLoop, more: int) -> Destroyer:
     return evolve(destroyer, law=under(loop, np.rint(ages * ((ages.max() + more) / ages.max())).astype(int)))
 
 
-def _certificates(parts: list[tuple[int, LoopPart]], most: int, say: Say) -> dict[int, Certificate]:
-    """Proven certificates of all parts for one bound below `most` [steps]; empty where one has none."""
-    found: dict[int, Certificate] = {}
+def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say) -> list[Certificate]:
+    """Proven certificates of all parts for one bound below `most` [steps]; empty where one has none.
+
+    first: the part that is destroyed first, which mostly limits the certificate.
+    """
+    order = sorted(range(len(parts)), key=lambda k: k != first)
+    alike = len({part.owner for part in parts}) == 1
+    groups = [[parts[k] for k in order]] if alike else [[parts[k]] for k in order]
     for bound in dict.fromkeys(int(most * (1.0 - part)) for part in BELOW):
-        for number, part in parts:
-            say(f"proving that no law up to {bound * part.loop.step:.4g} s destroys loop {number + 1} of {len(parts)}")
-            certificate = _proven(part, bound)
-            if certificate is None:
+        say(f"proving that no law up to {bound * parts[0].loop.step:.4g} s destroys")
+        found: list[Certificate] = []
+        for group in groups:
+            held = _proven(group, bound)
+            if not held:
                 break
-            found[number] = certificate
+            found += held
         else:
+            return [found[order.index(k)] for k in range(len(parts))]
+    return []
+
+
+def _proven(group: list[LoopPart], most: int) -> list[Certificate]:
+    """Certificates of loops that share their multipliers; empty where there are none."""
+    for lifts in LIFTS if most >= 1 else ():
+        grid = uniform_grid(most, min(INTERVALS, most), lifts)
+        found = certify([part.loop for part in group], grid, group[0].owner)
+        if found is not None and all(proven(certificate).holds for certificate in found):
             return found
-    return {}
-
-
-def _proven(part: LoopPart, most: int) -> Certificate | None:
-    if most < 1:
-        return None
-    for lifts in LIFTS:
-        certificate = certify(part.loop, uniform_grid(most, min(INTERVALS, most), lifts), part.owner)
-        if certificate is not None and proven(certificate).holds:
-            return certificate
-    return None
+    return []

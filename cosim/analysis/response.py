@@ -12,6 +12,8 @@ from cosim.analysis.certificate import Certificate
 from cosim.errors import InputError, Problem
 
 _BITS = 80
+_NARROW = Fraction(3, 2)
+"""Ends of an interval over each other up to which the response is enclosed well as a whole."""
 
 
 class Response:
@@ -40,6 +42,8 @@ class Response:
             return self._negative(low, high)
 
     def _negative(self, low: Fraction, high: Fraction) -> bool:
+        if high <= low * _NARROW and self._quiet(low, high):
+            return True
         arb, acb_mat = self._flint.arb, self._flint.acb_mat
         middle, half = self._ball((low + high) / 2), self._ball((high - low) / 2)
         reach = arb(0, 1) * half
@@ -54,6 +58,41 @@ class Response:
         return all(
             bool((both[i, i].real + sum((abs(both[i, j]) for j in range(p) if j != i), arb(0))) < 0) for i in range(p)
         )
+
+    def _quiet(self, low: Fraction, high: Fraction) -> bool:
+        """Whether F < 0 whatever the phases of all delays on [low, high] are: where the loop hardly answers any more.
+
+        With h the sizes of H, |x[k-p] - x[k]| <= min(p, 1/sin(w/2)) |x[k+1] - x[k]|, so that v^* F v <= |v|^T S |v| with
+        S = diag(a) + (b h + its transpose) + h^T c h, of the sums a, b, c of the form's entries; S < 0 by its rows.
+        """
+        arb, p = self._flint.arb, self._loop.channels
+        edges = [(self._ball(edge) / 2).sin() for edge in (low, high)]
+        still = 1 / edges[0].min(edges[1])
+        try:
+            moved = self._moved(self._ball((low + high) / 2) + arb(0, 1) * self._ball((high - low) / 2))[0]
+        except ZeroDivisionError:
+            return False
+        h = [[abs(moved[c, k]) for k in range(p)] for c in range(p)]
+        reach = [arb(point).min(still) for point in self._grid.points]
+        a, b, c = zip(*(self._sums(self._uses[k], reach) for k in range(p)))
+        rows = [
+            a[k]
+            + sum((b[k] * h[k][m] + b[m] * h[m][k] for m in range(p)), arb(0))
+            + sum((c[n] * h[n][k] * h[n][m] for n in range(p) for m in range(p)), arb(0))
+            for k in range(p)
+        ]
+        return all(bool(row < 0) for row in rows)
+
+    def _sums(self, group: int, reach) -> tuple[Any, Any, Any]:
+        """What a form of a group is at most, over |w|^2, |w| |x[k+1] - x[k]| and |x[k+1] - x[k]|^2."""
+        arb, form, lifts = self._flint.arb, self._forms[group], len(self._grid.lifts)
+        size = lifts + len(reach)
+        own = sum((form[i, i].real for i in range(lifts)), arb(0))
+        own += sum((abs(form[i, j]) for i in range(lifts) for j in range(lifts) if i != j), arb(0))
+        cross = sum((abs(form[i, lifts + j]) * r for i in range(lifts) for j, r in enumerate(reach)), arb(0))
+        far = range(lifts, size)
+        square = sum((abs(form[i, j]) * reach[i - lifts] * reach[j - lifts] for i in far for j in far), arb(0))
+        return own, cross, square + 4 * self._bends[group]
 
     def _form(self, w):
         """F(w) and F'(w) at a ball w."""
@@ -87,12 +126,17 @@ class Response:
     def _increments(self, w):
         """H(w) = C (z - A)^-1 B + D and its derivative -C (z - A)^-1 i z (z - A)^-1 B."""
         flint = self._flint
+        moved, inner, state = self._moved(w)
+        return moved, self._c * (inner * state) * (-flint.acb(0, 1) * (flint.acb(0, 1) * flint.acb(w)).exp())
+
+    def _moved(self, w):
+        """H(w), (z - A)^-1 and (z - A)^-1 B."""
+        flint = self._flint
         z = (flint.acb(0, 1) * flint.acb(w)).exp()
         n = self._a.nrows()
-        pencil = flint.acb_mat([[(z if i == j else 0) - self._a[i, j] for j in range(n)] for i in range(n)])
-        inner = pencil.inv()
+        inner = flint.acb_mat([[(z if i == j else 0) - self._a[i, j] for j in range(n)] for i in range(n)]).inv()
         state = inner * self._b
-        return self._c * state + self._d, self._c * (inner * state) * (-flint.acb(0, 1) * z)
+        return self._c * state + self._d, inner, state
 
     def _late(self, w, steps: int):
         """z^-steps and its derivative."""

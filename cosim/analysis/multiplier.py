@@ -104,7 +104,7 @@ def _exchangeable(loop: SampledLoop) -> bool:
 
 
 def _by_cuts(signals: _LoopSignals, problem: "_Programme", uses: tuple[int, ...], first: int) -> _Found | None:
-    """Forms and rests (in units) by cutting planes: solve, look at all frequencies and vertices, add the worst, again."""
+    """Forms and rests (in units) by cutting planes: solve, look at all frequencies and vertices, add the worst."""
     p, groups = signals.parts.shape[-1], max(uses) + 1
     start = np.unique(np.linspace(0, first - 1, 60).astype(int))
     for direction in _directions(p):
@@ -182,7 +182,9 @@ class _Programme:
         """Demand the vertices at which a solution is worst; whether there are any at which it is not good enough."""
         any_ = False
         for group, (form, rests) in enumerate(found):
-            least = np.linalg.eigvalsh(np.swapaxes(self.wholes, 1, 2) @ form @ self.wholes + np.diag(_behind(rests, form)))
+            least = np.linalg.eigvalsh(
+                np.swapaxes(self.wholes, 1, 2) @ form @ self.wholes + np.diag(_behind(rests, form))
+            )
             bad = np.flatnonzero(least[:, 0] < 0.1 * _DEMANDED * margin)
             new = [int(v) for v in bad[np.argsort(least[bad, 0])] if (group, int(v)) not in self.asked]
             self._demand(group, new[:_VERTICES])

@@ -3,7 +3,13 @@
 A channel shows all its signals with one age, so that any constant combination of them is delayed as they are. Where
 matrices T_c, one a channel, make the response T^-1 H(z) T fall into blocks of one signal of each channel, the loop is
 that many loops that do not know of each other (equal sides at rest: along the principal axes of J M^-1 J^T).
+
+One may drive another, as long as nothing comes back: the first dies out by itself, then what it drives does. So the
+blocks decide the stability of a response that is block triangular too (an arm that leans on a wall).
 """
+
+import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from attrs import cmp_using, field, frozen
@@ -45,8 +51,7 @@ def parted(opened: OpenedLoop) -> tuple[LoopPart, ...]:
     """The loops into which an opened loop falls, slowest first; the whole of it where it does not fall apart."""
     owner = np.array(opened.owner)
     channels = [np.flatnonzero(owner == k) for k in range(len(opened.channels))]
-    turn = _axes(opened.loop, channels)
-    if turn is not None:
+    for turn in _axes(opened.loop, channels):
         parts = [_part(opened.loop, turn, channels, axis) for axis in range(len(channels[0]))]
         if joined_apart(opened.loop, parts) < _APART:
             return tuple(sorted(parts, key=lambda part: -_slowness(part.loop)))
@@ -54,18 +59,32 @@ def parted(opened: OpenedLoop) -> tuple[LoopPart, ...]:
 
 
 def joined_apart(whole: SampledLoop, parts: "list[LoopPart] | tuple[LoopPart, ...]") -> float:
-    """Greatest part of the response of a whole loop by which loops beside one another differ from it; inf where these
-    do not make a whole.
+    """Greatest part of the response of a whole loop that is neither in its parts, in some order, nor in what a part
+    does to later ones; inf where these do not make a whole.
     """
     turn = np.hstack([np.vstack([_placed(part, c) for c in range(len(part.turns))]) for part in parts])
     if turn.shape != (whole.channels, whole.channels) or np.linalg.cond(turn) > 1e6:
         return np.inf
-    beside, at = np.zeros((len(FREQUENCIES), *turn.shape), complex), 0
-    for part in parts:
-        end = at + part.loop.channels
-        beside[:, at:end, at:end] = part.loop.increments(FREQUENCIES)
-        at = end
-    return apart(turn @ beside @ np.linalg.inv(turn), whole.increments(FREQUENCIES))
+    response = whole.increments(FREQUENCIES)
+    left = np.linalg.inv(turn) @ response @ turn
+    ends = np.cumsum([0, *(part.loop.channels for part in parts)])
+    places = [slice(*pair) for pair in itertools.pairwise(ends.tolist())]
+    for part, place in zip(parts, places):
+        left[:, place, place] -= part.loop.increments(FREQUENCIES)
+    size = np.linalg.norm(response, 2, axis=(1, 2))
+    missed = np.array([[np.max(np.linalg.norm(left[:, a, b], axis=(1, 2)) / size) for b in places] for a in places])
+    for first, later in itertools.combinations(_order(missed), 2):
+        left[:, places[later], places[first]] = 0.0
+    return apart(response - turn @ left @ np.linalg.inv(turn), response)
+
+
+def _order(missed: np.ndarray) -> list[int]:
+    """The order of parts in which the later ones do least to the earlier: first whom the others drive least."""
+    order, rest = list[int](), list(range(len(missed)))
+    while rest:
+        order.append(min(rest, key=lambda k: max((missed[k, other] for other in rest if other != k), default=0.0)))
+        rest.remove(order[-1])
+    return order
 
 
 def _placed(part: LoopPart, channel: int) -> np.ndarray:
@@ -75,11 +94,17 @@ def _placed(part: LoopPart, channel: int) -> np.ndarray:
     return found
 
 
-def _axes(loop: SampledLoop, channels: list[np.ndarray]) -> np.ndarray | None:
-    """A turn (signals, signals) that may take the loop apart; None where channels differ in size, or it is complex."""
+def _axes(loop: SampledLoop, channels: list[np.ndarray]) -> Iterator[np.ndarray]:
+    """Turns (signals, signals) that may take the loop apart: the signals as they are, and those along its own axes."""
     size = len(channels[0])
-    if size == 1 or any(len(places) != size for places in channels):
-        return None
+    if size > 1 and all(len(places) == size for places in channels):
+        yield np.eye(loop.channels)
+        if (turn := _own_axes(loop, channels)) is not None:
+            yield turn
+
+
+def _own_axes(loop: SampledLoop, channels: list[np.ndarray]) -> np.ndarray | None:
+    """The eigenvectors of once round all channels; None where they are complex."""
     real = [_real(loop, z) for z in _LOOKED]
     around = real[0][np.ix_(channels[0], channels[0])]
     for k in range(len(channels)):  # once round all channels, each crossing at its own z

@@ -62,8 +62,9 @@ class Response:
     def _quiet(self, low: Fraction, high: Fraction) -> bool:
         """Whether F < 0 whatever the phases of all delays on [low, high] are: where the loop hardly answers any more.
 
-        With h the sizes of H, |x[k-p] - x[k]| <= min(p, 1/sin(w/2)) |x[k+1] - x[k]|, so that v^* F v <= |v|^T S |v| with
-        S = diag(a) + (b h + its transpose) + h^T c h, of the sums a, b, c of the form's entries; S < 0 by its rows.
+        With h the sizes of H, |x[k-p] - x[k]| <= min(p, 1/sin(w/2)) |x[k+1] - x[k]|, so that v^* F v <= |v|^T S |v|
+        with S = diag(a) + (b h + its transpose) + h^T c h, of the sums a, b, c of the form's entries; S < 0 by its
+        rows.
         """
         arb, p = self._flint.arb, self._loop.channels
         edges = [(self._ball(edge) / 2).sin() for edge in (low, high)]

@@ -22,7 +22,8 @@ _SOUGHT = 24
 """Eigenvalues sought round z = 1."""
 _FAST = 0.5
 """Growth [1/s] beyond that of the roots found round z = 1 that asks for a search elsewhere."""
-_ITERATIONS = 500
+_ITERATIONS, _DOUBLED = 512, 4
+"""Periods over which a state is followed, and how often the map is doubled to take many at once."""
 
 
 @frozen
@@ -77,10 +78,12 @@ def _eigenvalues(matrix: Sparse, period: float) -> np.ndarray:
 
 def _iterated(matrix: Sparse, start: np.ndarray) -> float:
     """By how much the logarithm of a state grows in a period after many: what no search round 1 would see."""
-    state, sizes = start, []
+    state, sizes, together = start, [], matrix
+    for _ in range(_DOUBLED):
+        together = together @ together  # still sparse: mostly rings that shift
     for _ in range(3):
-        for _ in range(_ITERATIONS):
-            state = matrix @ state
+        for _ in range(_ITERATIONS >> _DOUBLED):
+            state = together @ state
         sizes.append(float(np.linalg.norm(state)))
         if not 0.0 < sizes[-1] < np.inf:
             return np.inf if sizes[-1] else -np.inf

@@ -4,11 +4,13 @@ The seven parameter sets with equal sides at q = 0, gravity compensated, no fric
 K = 0.25 N/m, B = 0.09 N s/m at 1 kHz; the same coupling with a soft hand on the local arm; and with a soft wall at the
 remote arm as well. One row a loop: delay-sum condition, certificate (independent ways, equal ones are among them;
 checked again from its file by the second command, with the scenario), destroying law of equal and of independent ways,
-the rate at which the one of the smaller bound grows in the FMUs, boundary of constant delays, gap, processor seconds.
+the one of the smaller bound that was seen to grow in the FMUs and its rate there, boundary of constant delays, gap,
+processor seconds of the verdict and of the check. Each row stays in DIR (results/any-delay) with its files, and is not
+made again where it is there.
 """
 
 import argparse
-import tempfile
+import json
 import time
 from pathlib import Path
 
@@ -27,9 +29,9 @@ HAND = {
     "operator.grip_damping": 0.5,
     "operator.reference_amplitude": 0.0,
 }
-WALL = {"environment.stiffness": 0.03, "environment.damping": 0.01}
+WALL = {"environment.stiffness": 0.03, "environment.damping": 0.01, "environment.parameters.normal": [0.0, 0.0, -1.0]}
 AWAY, INSIDE = -1.0, 0.012
-"""Where the wall stands [m]: far away, or so that the remote tip starts this deep in it, and stays in."""
+"""Where the wall stands [m]: far away, or so that the remote tip (at z = 0) starts this deep in it, and stays in."""
 SOFT = {
     "controller_*.stiffness": 0.25,
     "controller_*.damping": 0.09,
@@ -39,6 +41,16 @@ SOFT = {
     "channel_*.delay_mean": 0.3,
     "experiment.stop": 40.0,
 }
+
+
+HEAD = (
+    "| loop | delay sum [s] | certificate [s] | verified | destroys, equal ways [s] | independent [s] "
+    "| grows in the FMUs [s] | at [1/s] | constant delay [s] | gap [%] | cpu [s] | check [s] |"
+)
+CELLS = {
+    "delay sum": ".3f", "certificate": ".3f", "verified": "", "equal": ".3f", "independent": ".3f",
+    "destroying": ".3f", "growth": "+.5f", "constant": ".3f", "gap": ".1f", "cpu": ".0f", "cpu of verify": ".0f",
+}  # fmt: skip
 
 
 def paper_loop(name: str) -> Scenario:
@@ -60,40 +72,68 @@ def loop(name: str) -> Scenario:
     return held_loop(INSIDE) if name == "hand and wall" else paper_loop(name)
 
 
-def row(name: str, out: Path) -> str:
-    """One row of the table; the files stay in `out`."""
+def row(name: str, folder: Path) -> dict[str, object]:
+    """One row of the table; certificate, trace and the scenario that plays it stay in the folder."""
     scenario, began = loop(name), time.process_time()
     found = cosim.stability(scenario, any_delay=True)
-    folder = found.save(out / name.replace(" ", "-"), report=False)
-    said = found.to_dict()
-    verdict, sum_ = said["any_delay"], said["delay_sum"]
-    checked = "-"
+    found.save(folder, report=False)
+    said, seconds = found.to_dict(), time.process_time() - began
+    verdict, began = said["any_delay"], time.process_time()
+    checked = None
     if (folder / "certificate.json").is_file():
-        checked = "yes" if cosim.verify(folder / "certificate.json", scenario).holds else "NO"
-    seconds = time.process_time() - began
+        checked = cosim.verify(folder / "certificate.json", scenario).holds
     linear, replay = verdict["linear"], verdict["replay"] or {}
-    laws = [f"{(linear[kind] or {}).get('destroying') or float('nan'):.3f}" for kind in ("equal", "independent")]
-    grown = f"{verdict['destroying'] or float('nan'):.3f} ({replay.get('growth_rate') or float('nan'):+.5f})"
-    return (
-        f"| {name} | {(sum_ or {}).get('max_delay') or 0.0:.3f} | {verdict['certificate'] or float('nan'):.3f} "
-        f"| {checked} | {laws[0]} | {laws[1]} | {grown} | {verdict['constant_delay'] or float('nan'):.3f} "
-        f"| {verdict['gap_percent'] or float('nan'):.1f} | {seconds:.0f} |"
-        + "".join(f" {key}: {why}" for key, why in verdict["withheld"].items())
-    )
+    return {
+        "delay sum": (said["delay_sum"] or {}).get("max_delay"),
+        "certificate": verdict["certificate"],
+        "verified": checked,
+        "equal": (linear["equal"] or {}).get("destroying"),
+        "independent": (linear["independent"] or {}).get("destroying"),
+        "destroying": verdict["destroying"],
+        "growth": replay.get("growth_rate"),
+        "constant": verdict["constant_delay"],
+        "gap": verdict["gap_percent"],
+        "cpu": seconds,
+        "cpu of verify": time.process_time() - began,
+        "withheld": verdict["withheld"],
+    }
+
+
+def kept(name: str, out: Path) -> dict[str, object]:
+    """The row of a loop, read where an earlier run left it."""
+    folder = out / name.replace(" ", "-")
+    path = folder / "row.json"
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(row(name, folder), indent=1), encoding="utf-8")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def table(rows: dict[str, dict[str, object]]) -> str:
+    """The rows in Markdown, and what was withheld below."""
+    lines = [HEAD, "|---" * HEAD.count(" |") + "|"]
+    for name, found in rows.items():
+        cells = (f"{name} |", *(_cell(found[key], form) for key, form in CELLS.items()))
+        lines.append("| " + " ".join(cells))
+    notes = [f"{n}, {key}: {why}" for n, found in rows.items() for key, why in dict(found["withheld"]).items()]  # type: ignore[call-overload]
+    return "\n".join([*lines, *notes])
+
+
+def _cell(value: object, form: str) -> str:
+    words = {None: "-", True: "yes", False: "NO"}
+    return f"{words[value] if value is None or isinstance(value, bool) else format(value, form)} |"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", default=(*SETS, "hand", "hand and wall"))
-    parser.add_argument("--out", type=Path, help="keep certificates and traces here")
+    parser.add_argument("--out", type=Path, default=Path("results/any-delay"), help="certificates, traces and rows")
     options = parser.parse_args()
-    print(
-        "| loop | delay sum [s] | certificate [s] | verified | destroys, equal ways [s] | independent [s] "
-        "| grows in the FMUs [s] (1/s) | constant delay [s] | gap [%] | cpu [s] |\n" + "|---" * 10 + "|"
-    )
-    with tempfile.TemporaryDirectory() as scratch:
-        for name in options.names:
-            print(row(name, options.out or Path(scratch)), flush=True)
+    rows = {}
+    for name in options.names:
+        rows[name] = kept(name, options.out)
+        print(name, json.dumps(rows[name]), flush=True)
+    print(table(rows))
 
 
 if __name__ == "__main__":

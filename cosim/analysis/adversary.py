@@ -6,7 +6,8 @@ from attrs import cmp_using, evolve, field, frozen
 from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError, Problem
 
-_IMPROVEMENTS = 12
+_IMPROVEMENTS, _FIRST = 12, 4
+"""Improvements of a law at most, and of each of many to see which are worth it."""
 _FACTOR = 3
 """Steps taken together: powers of this."""
 _FEW = 30
@@ -93,12 +94,20 @@ def sooner(loop: SampledLoop, ways: tuple[int, ...], low: int, sketch: DelayLaw)
 
 
 def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int, high: int) -> DelayLaw | None:
-    """The destroying law with the smallest bound of the loop's own step that improving a sketch leads to."""
+    """The destroying law with the smallest bound of the loop's own step that improving a sketch leads to.
+
+    On the first finer steps the many laws are tried again beside it: coarse steps hardly tell a law that holds a peak
+    in sight from a constant delay.
+    """
     together, law = round(sketch.step / loop.step), sketch
+    again = together > 1
     while together > 1:
         together //= _FACTOR
         law = evolve(law, ages=np.repeat(law.ages, _FACTOR, axis=1) * _FACTOR, step=law.step / _FACTOR)
-        law = _descended(_level(loop, together), law, ways, _bounds(low, high, together), 1, 4)
+        finer = _level(loop, together)
+        if again:
+            law, again = _searched(finer, int(law.ages.max()), ways, (law,)), False
+        law = _descended(finer, law, ways, _bounds(low, high, together), 1, 5)
     exact = under(loop, law.ages)
     return exact if exact.growth_rate > 0.0 else None
 
@@ -138,17 +147,17 @@ def _descended(
     return growing[0] if growing else max(laws.values(), key=_rate)
 
 
-def _searched(loop: SampledLoop, most: int, ways: tuple[int, ...]) -> DelayLaw:
+def _searched(loop: SampledLoop, most: int, ways: tuple[int, ...], known: tuple[DelayLaw, ...] = ()) -> DelayLaw:
     """The best of many starts, tuned: a value held in sight and then the full delay, or a full delay with a pause.
 
-    Periods of 1.5 to 6 times the bound; independent ways start a third of a period apart.
+    Periods of 1.5 to 6 times the bound; independent ways start a third of a period apart. `known`: laws beside them.
     """
-    found = []
+    found = list(known)
     for period in sorted({round(most * factor) for factor in np.geomspace(1.5, 6.0, 16)}):
         k = np.arange(period)
         for start in (np.minimum(k, most), np.where(k < 0.2 * period, 0, most)):
             ages = np.array([np.roll(start, way * period // 3) for way in ways])
-            found.append(_improved(loop, most, ways, ages))
+            found.append(_improved(loop, most, ways, ages, _FIRST))
     found.sort(key=_rate, reverse=True)
     return max((_tuned(loop, most, ways, law, 4) for law in found[:3]), key=_rate)
 
@@ -188,10 +197,12 @@ def _fitted(ages: np.ndarray, period: int, most: int) -> np.ndarray:
     return np.rint(ages[:, at] * (most / ages.max())).astype(int)
 
 
-def _improved(loop: SampledLoop, most: int, ways: tuple[int, ...], ages: np.ndarray) -> DelayLaw:
+def _improved(
+    loop: SampledLoop, most: int, ways: tuple[int, ...], ages: np.ndarray, turns: int = _IMPROVEMENTS
+) -> DelayLaw:
     """Policy iteration: at each step the age that most helps the growing motion, by the adjoint of the period map."""
     best, size, idle = ages, 0.0, 0
-    for _ in range(_IMPROVEMENTS):
+    for _ in range(turns):
         period_map = _period_map(loop, ages, most)
         motion, gain = _grown(period_map)
         if gain > size * (1.0 + 1e-6):

@@ -65,6 +65,36 @@ def test_equal_sides_at_rest_fall_into_three_axes(opened):
     assert 1e-4 < joined_apart(opened.loop.loop, slower) < 1e-2
 
 
+def test_an_axis_that_only_drives_another_is_a_loop_of_its_own(opened):
+    """A response that is triangular between two axes falls into them; with a way back it is another loop."""
+    parts = parted(opened.loop)
+    loop = opened.loop.loop
+    first, second = parts[0], parts[1]
+    n, m = len(first.loop.transition), len(second.loop.transition)
+    beside = attrs.evolve(
+        loop,
+        transition=np.block(
+            [[first.loop.transition, np.zeros((n, m))], [np.full((m, n), 1e-2), second.loop.transition]]
+        ),
+        drive=np.block([[first.loop.drive, np.zeros((n, 2))], [np.zeros((m, 2)), second.loop.drive]]),
+        moved=np.block([[first.loop.moved, np.zeros((2, m))], [np.zeros((2, n)), second.loop.moved]]),
+        moved_now=np.block([[first.loop.moved_now, np.zeros((2, 2))], [np.zeros((2, 2)), second.loop.moved_now]]),
+    )
+    turns = [[np.eye(2)[:, [k]] for _ in range(2)] for k in range(2)]
+    order = [0, 2, 1, 3]  # both signals of a channel side by side
+    whole = attrs.evolve(
+        beside,
+        drive=beside.drive[:, order],
+        moved=beside.moved[order],
+        moved_now=beside.moved_now[np.ix_(order, order)],
+    )
+    alone = [attrs.evolve(p, turns=turn) for p, turn in zip((first, second), turns)]
+    assert joined_apart(whole, alone) < 1e-9 and joined_apart(whole, alone[::-1]) < 1e-9
+    back = whole.transition.copy()
+    back[:n, n:] = 1e-2
+    assert joined_apart(attrs.evolve(whole, transition=back), alone) > 1e-4
+
+
 @pytest.mark.slow
 def test_sides_that_couple_the_axes_stay_one_loop(scenario):
     turned = scenario.with_values({"controller_l.damping": [0.09, 0.1, 0.12], "arm_*.q_start": [0.3, 0.3, 0.4]})

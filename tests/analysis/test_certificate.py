@@ -11,6 +11,7 @@ from cosim.analysis.certificate import Certificate, Multiplier, certificate_of
 from cosim.analysis.criteria import closed_form
 from cosim.analysis.delay_grid import DelayGrid, uniform_grid
 from cosim.analysis.proof import positive_definite, proven
+from cosim.analysis.response import Response
 from cosim.analysis.sampled_loop import SampledLoop
 from cosim.errors import InputError
 from tests.support.tip_loops import TipSide, axis_loop, difference_loop
@@ -24,9 +25,9 @@ def certificate() -> Certificate:
     """Equal sides of 51 g, independent laws up to 0.395 s (delay sum: 0.360 s)."""
     from cosim.analysis.multiplier import certify
 
-    found = certify(axis_loop(SIDE, SIDE, STEP), uniform_grid(395, 8))
+    found = certify([axis_loop(SIDE, SIDE, STEP)], uniform_grid(395, 8))
     assert found is not None
-    return found
+    return found[0]
 
 
 def simulated(loop: SampledLoop, ages: np.ndarray, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -138,7 +139,7 @@ def test_no_certificate_beyond_the_boundary_of_constant_delays():
 
     heavy = attrs.evolve(SIDE, mass=0.144)
     assert closed_form(heavy.mass, heavy.stiffness, heavy.damping) == pytest.approx(0.390, abs=5e-4)
-    assert certify(difference_loop(heavy, STEP), uniform_grid(392, 8)) is None
+    assert certify([difference_loop(heavy, STEP)], uniform_grid(392, 8)) is None
 
 
 def test_bad_grids_name_every_problem():
@@ -152,6 +153,37 @@ def test_sides_that_differ_have_a_multiplier_each():
     from cosim.analysis.multiplier import certify
 
     held = attrs.evolve(SIDE, ground_stiffness=0.5, ground_damping=0.05)
-    found = certify(axis_loop(held, SIDE, STEP), uniform_grid(420, 8))
-    assert found is not None and found.uses == (0, 1)
-    assert proven(found).holds
+    found = certify([axis_loop(held, SIDE, STEP)], uniform_grid(420, 8))
+    assert found is not None and found[0].uses == (0, 1)
+    assert proven(found[0]).holds
+
+
+def test_loops_of_other_masses_share_their_multipliers():
+    """Two axes of an arm: one search, a certificate of each, proven apart; heavier than both is not covered."""
+    from cosim.analysis.multiplier import certify
+
+    light = attrs.evolve(SIDE, mass=0.033)
+    found = certify([axis_loop(side, side, STEP) for side in (SIDE, light)], uniform_grid(395, 8))
+    assert found is not None and found[0].multipliers == found[1].multipliers
+    assert all(proven(certificate).holds for certificate in found)
+    heavy = attrs.evolve(SIDE, mass=0.4)
+    assert closed_form(heavy.mass, heavy.stiffness, heavy.damping) < found[0].max_delay
+    assert not proven(attrs.evolve(found[0], loop=axis_loop(heavy, heavy, STEP))).holds
+
+
+def test_where_the_loop_is_quiet_the_form_is_negative_whatever_the_phases(certificate):
+    """The bound by sizes alone agrees with the form on the way, and does not hold where the loop answers."""
+    response = Response(certificate)
+    assert response._quiet(Fraction(1), Fraction(3, 2)) and response._quiet(Fraction(3), Fraction(22, 7))
+    assert not response._quiet(Fraction(1, 100), Fraction(1, 80))
+    loop, grid, form = certificate.loop, certificate.grid, certificate.multipliers[0].form
+    for w in np.linspace(1.0, 1.5, 50):
+        moved, z = loop.increments([w])[0], np.exp(1j * w)
+        back = -np.array([np.sum(z ** -np.arange(1, point + 1)) for point in grid.points])
+        total = np.zeros((2, 2), complex)
+        for c in range(2):
+            phi = np.vstack([np.eye(2)[c] * z ** -float(grid.lifts[0]), np.outer(back, moved[c])])
+            bend = (1.0 - 1.0 / z) * moved[c]
+            rest = float(certificate.multipliers[0].rests @ np.array(grid.rests(), dtype=float))
+            total += phi.conj().T @ form @ phi + rest * np.outer(bend.conj(), bend)
+        assert np.linalg.eigvalsh(total).max() < 0.0

@@ -82,6 +82,14 @@ def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say) -> TwoSi
     return TwoSided(held, why, found)
 
 
+def certified(parts: Sequence[LoopPart], most: int) -> bool:
+    """Whether a cheap certificate proves that no delay law up to `most` [steps] destroys a loop of these parts.
+
+    Raises InputError where a package of the extra is missing.
+    """
+    return all(_proven([part], most, LIFTS[:1]) for part in parts)
+
+
 def _destroyers(parts: Sequence[LoopPart], low: int, high: int) -> dict[str, Destroyer]:
     """A law of equal ways and one of independent ways, by their class; equal laws are independent ones too."""
     found = {}
@@ -160,9 +168,9 @@ def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say) ->
     return []
 
 
-def _proven(group: list[LoopPart], most: int) -> list[Certificate]:
+def _proven(group: list[LoopPart], most: int, moments: Sequence[dict[int, int]] = LIFTS) -> list[Certificate]:
     """Certificates of loops that share their multipliers; empty where there are none."""
-    for lifts in LIFTS if most >= 1 else ():
+    for lifts in moments if most >= 1 else ():
         grid = uniform_grid(most, min(INTERVALS, most), lifts)
         found = certify([part.loop for part in group], grid, group[0].owner)
         if found is not None and all(proven(certificate).holds for certificate in found):

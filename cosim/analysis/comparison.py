@@ -80,7 +80,13 @@ class Comparison:
     def evidence(self) -> StabilityEvidence:
         """The strongest evidence that holds."""
         t = self.theory
-        return strongest(self.judged.outcome, t.any_mass, t.known_mass, t.abscissa, t.constant)
+        return strongest(self.judged.outcome, t.any_mass, t.known_mass, t.abscissa, t.constant, self.any_law)
+
+    @property
+    def any_law(self) -> bool:
+        """Whether a certificate for every delay law covers the delays."""
+        certified = self.any_delay.certified if self.any_delay else None
+        return certified is not None and max(self.theory.longest) <= certified
 
     @property
     def contradiction(self) -> str:
@@ -91,6 +97,7 @@ class Comparison:
             for name, holds in (
                 ("the delay-sum condition", t.any_mass),
                 ("the bound for any law", t.known_mass),
+                ("the certificate for any law", self.any_law),
                 ("the spectrum", t.constant and t.abscissa is not None and t.abscissa < 0.0),
             )
             if holds

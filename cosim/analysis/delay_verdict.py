@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.analysis.any_delay import CLASS, EQUAL, Destroyer, Say, TwoSided, two_sided, widened
+from cosim.analysis.any_delay import CLASS, EQUAL, Destroyer, Say, TwoSided, certified, two_sided, widened
+from cosim.analysis.assessment import boundary as constant_boundary
 from cosim.analysis.at_rest import at_rest, bent
 from cosim.analysis.certificate_file import ProvenSystem
 from cosim.analysis.examination import Examined, examine
+from cosim.analysis.linearisation import linearise
 from cosim.analysis.opened import FREQUENCIES, NotOpenError, OpenedLoop, opened
 from cosim.analysis.parting import LoopPart, parted
 from cosim.analysis.prediction import predict
@@ -178,6 +180,24 @@ def any_delay(
         withheld["destroying"] = _unseen(found, replay)
     took = time.process_time() - began
     return AnyDelay(proven, found, destroyer, replay, withheld, boundary, took, open_.loop.missed)
+
+
+def linear_verdict(scenario: Scenario, system: FmuSet) -> TwoSided | None:
+    """What is proven and destroyed of the linear loop, played in no FMU; None where the loop cannot be opened."""
+    parts = _parts(scenario, system)
+    limit = constant_boundary(linearise(scenario, system))
+    return None if parts is None else two_sided(parts, *_bounds(parts, limit), lambda text: None)
+
+
+def holds_for_every_law(scenario: Scenario, system: FmuSet, longest: float) -> bool:
+    """Whether a cheap certificate proves that no delay law up to `longest` [s] destroys the loop at rest."""
+    parts = _parts(scenario, system)
+    return parts is not None and certified(parts, int(np.ceil(longest / parts[0].loop.step * (1.0 - 1e-12))))
+
+
+def _parts(scenario: Scenario, system: FmuSet) -> tuple[LoopPart, ...] | None:
+    open_ = open_at_rest(scenario, system)
+    return None if open_.loop is None or open_.bent else parted(open_.loop)
 
 
 def _bounds(parts: tuple[LoopPart, ...], boundary: float | None) -> tuple[int, int]:

@@ -10,6 +10,7 @@ class StabilityEvidence(str, Enum):
 
     ANY_MASS = "any mass, any delay law"
     KNOWN_MASS = "known mass, any delay law"
+    ANY_LAW = "certificate, any delay law"
     CONSTANT_DELAY = "constant delay"
     SIMULATED = "simulated"
     FALSIFIED = "falsified"
@@ -27,6 +28,9 @@ _MEANING = {
     ),
     StabilityEvidence.KNOWN_MASS: (
         "small gain with the linearised plant: stable near the pose for every delay law below the bounds"
+    ),
+    StabilityEvidence.ANY_LAW: (
+        "a certificate for the linear loop at rest: stable near the pose for every delay law below the bounds"
     ),
     StabilityEvidence.CONSTANT_DELAY: (
         "the exact spectrum of the linearised loop lies in the left half "
@@ -49,19 +53,22 @@ def strongest(
     known_mass: bool = False,
     abscissa: float | None = None,
     constant: bool = True,
+    any_law: bool = False,
 ) -> StabilityEvidence:
     """The strongest evidence, given the simulated outcome (None: not simulated) and what the conditions say.
 
     A simulation that grows falsifies whatever a condition said (its assumptions did not hold), and so does a spectrum.
     `abscissa` [1/s] counts only for `constant` delays; None where there is no linearisation.
     """
-    promised = any_mass or known_mass
+    promised = any_mass or known_mass or any_law
     if outcome in UNSTABLE or (promised and constant and abscissa is not None and abscissa > GROWS):
         return StabilityEvidence.FALSIFIED
     if any_mass:
         return StabilityEvidence.ANY_MASS
     if known_mass:
         return StabilityEvidence.KNOWN_MASS
+    if any_law:
+        return StabilityEvidence.ANY_LAW
     if constant and abscissa is not None and abscissa < 0.0:
         return StabilityEvidence.CONSTANT_DELAY
     if outcome is Outcome.CONVERGED:

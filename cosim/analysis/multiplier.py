@@ -117,7 +117,8 @@ def _by_cuts(signals: _LoopSignals, problem: "_Programme", uses: tuple[int, ...]
         if not problem.demand_violated(found, margin) and values.max() < -0.01 * margin:
             return found
         where = _peaks(values, -0.9 * margin)
-        problem.add(*signals.cut(where, directions[where], uses, groups))
+        if len(where):
+            problem.add(*signals.cut(where, directions[where], uses, groups))
     return None
 
 

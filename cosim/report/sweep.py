@@ -36,6 +36,8 @@ _THEORY: dict[str, tuple[str, tuple[float, ...], str]] = {
     "delay_sum": ("delay-sum condition", (), "4 B_l B_r > (T_l + T_r)² K_l K_r, sufficient"),
     "sallam_eq10": ("Sallam Eq. 10", (1.5, 3), "as printed; it is not sufficient"),
     "closed_form": ("exact spectrum", (7, 3), "of the linear loop, by its closed form"),
+    "any_law": ("safe for every delay law", (), "a certificate for the loop at rest proves it up to there"),
+    "destroying_law": ("some delay law destroys", (2, 2), "a law up to there makes the linear loop grow"),
     "spectrum": ("exact spectrum at the start pose", (7, 3), "of the loop linearised there, constant delay"),
 }
 _ROWS = 400

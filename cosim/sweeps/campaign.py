@@ -90,17 +90,16 @@ def task_of(sweep: Sweep) -> Task:
     scenario = sweep.scenario
     if scenario.endswith(".toml"):
         scenario = str((sweep.folder / scenario).resolve())
-    return Task(
-        EVALUATORS.get(sweep.evaluator, sweep.evaluator), scenario, dict(sweep.set), sweep.effects, sweep.sign_level
-    )
+    evaluator = EVALUATORS.get(sweep.evaluator, sweep.evaluator)
+    return Task(evaluator, scenario, dict(sweep.set), sweep.effects, sweep.sign_level, sweep.any_delay)
 
 
 def fingerprint(task: Task, origin: str = "") -> str:
     """Hash of what decides a finding besides the point: evaluator, scenario, fixed values, effects, `origin` (FMUs)."""
     home, _, function = task.evaluator.rpartition(":")
     evaluator = [Path(home).read_text(encoding="utf-8"), function] if home.endswith(".py") else task.evaluator
-    level = [] if task.sign_level is None else [task.sign_level]
-    texts = [json.dumps([evaluator, sorted(map(str, task.set.items())), *level]), origin]
+    asked = ([] if task.sign_level is None else [task.sign_level]) + (["any_delay"] if task.any_delay else [])
+    texts = [json.dumps([evaluator, sorted(map(str, task.set.items())), *asked]), origin]
     for name in (task.scenario, task.effects):
         path = Path(name) if name else None
         texts.append(path.read_text(encoding="utf-8") if path and path.is_file() else str(name))
@@ -299,6 +298,7 @@ def settings(sweep: Sweep) -> dict[str, object]:
         "set": dict(sweep.set),
         "effects": sweep.effects,
         "sign_level": sweep.sign_level,
+        "any_delay": sweep.any_delay,
         "design": type(sweep.design).__name__,
         **asdict(sweep.design),
         "axes": [

@@ -52,11 +52,15 @@ _REPLAY_EVERY = 200
 
 @frozen
 class PointSetup:
-    """A point of a sweep ready to be evaluated: the wiring of its scenario with its values, and the loaded FMUs."""
+    """A point of a sweep ready to be evaluated: the wiring of its scenario with its values, and the loaded FMUs.
+
+    any_delay: whether a certificate for every delay law is asked for.
+    """
 
     point: Point
     wiring: Wiring
     system: FmuSet
+    any_delay: bool = False
 
     @property
     def scenario(self) -> Scenario:
@@ -67,7 +71,7 @@ class PointSetup:
 def setup(task: Task, point: Point) -> PointSetup:
     """The setup of a point. Raises InputError where its values do not fit the scenario."""
     scenario, system = _at(task, point)
-    return PointSetup(point, system.wiring(scenario), system)
+    return PointSetup(point, system.wiring(scenario), system, task.any_delay)
 
 
 def _at(task: Task, point: Point) -> tuple[Scenario, FmuSet]:
@@ -303,6 +307,15 @@ def _evidence(one: PointSetup, outcome: Outcome | None, rate: float | None = Non
     family = loop.family()
     if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
         return StabilityEvidence.KNOWN_MASS
+    if one.any_delay and _certified(one, max(longest)):
+        return StabilityEvidence.ANY_LAW
     if constant and rate is None:
         rate = abscissa(loop.system())
     return strongest(outcome, abscissa=rate, constant=constant)
+
+
+def _certified(one: PointSetup, longest: float) -> bool:
+    """Whether no delay law up to `longest` [s] destroys the loop of a point at rest, by a certificate."""
+    from cosim.analysis.delay_verdict import holds_for_every_law
+
+    return bool(np.isfinite(longest)) and holds_for_every_law(one.scenario, one.system, longest)

@@ -37,8 +37,8 @@ Answer = tuple[tuple[Point, ...], tuple[PointResult, ...]]
 
 @frozen
 class Task:
-    """What an evaluator needs besides the points: scenario, fixed values, effects file, folder that file names start
-    from, the level at which the sign of a growth rate ends a run.
+    """What an evaluator needs besides the points: scenario, fixed values, effects file, the level at which the sign of
+    a growth rate ends a run, whether a point is to be proven for every delay law.
     """
 
     evaluator: str
@@ -46,6 +46,7 @@ class Task:
     set: Mapping[str, object] = field(factory=dict)
     effects: str | None = None
     sign_level: float | None = None
+    any_delay: bool = False
 
 
 def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[PointResult]]:

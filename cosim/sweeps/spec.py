@@ -4,6 +4,7 @@ once.
 format = 1
 title = "..."            description = "..."
 scenario = "sallam-nodelay"
+any_delay = false                 # true: evidence by a certificate for every delay law, where nothing cheaper proves
 evaluator = "simulation"          # or "cosimulation" (FMUs only), "spectrum" (no simulation); own: --evaluator FILE.py
 [set]                             # fixed values, paths as in --set
 "experiment.stop" = 40.0
@@ -217,9 +218,12 @@ _KINDS: Mapping[str, tuple[type, str]] = {
     "set": (dict, "a table [set]"),
     "curves": (list, "a list of names"),
     "sign_level": (float, "a number between 0.5 and 1"),
+    "any_delay": (bool, "true or false"),
     **dict.fromkeys(("name", "scenario", "title", "description", "evaluator", "effects"), (str, "a text")),
 }
-CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum")
+LAW_CURVES = ("any_law", "destroying_law")
+"""Curves of the two-sided verdict: proven for every delay law up to there, and destroyed by a law from there on."""
+CURVES = ("delay_sum", "sallam_eq10", "closed_form", "spectrum", *LAW_CURVES)
 
 
 @frozen
@@ -251,6 +255,10 @@ class Sweep:
     sign_level: float | None = None
     """Runs of the batch kernel end as soon as the sign of the growth rate is decided at this level, 0.95 say; a point
     is then `converged` or `growing`, its rate that of the envelope so far. Without it every run goes on to the end."""
+    any_delay: bool = False
+    """Whether a stable point that no cheap condition proves is asked for a certificate for every delay law up to its
+    longest delay: some seconds a point.
+    """
     folder: Path = field(default=Path(), eq=False)
     changes: Mapping[str, object] = field(factory=dict, eq=False)
 

@@ -52,7 +52,6 @@ def contradiction(seed: int) -> str:
     return f"seed {seed}: {given} and growth {grown}" if grows and given else ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(NORMAL))
 def test_no_guarantee_is_contradicted(seed):
     assert contradiction(seed) == ""

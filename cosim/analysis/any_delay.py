@@ -38,8 +38,9 @@ class Destroyer:
 
     @property
     def ages(self) -> np.ndarray:
-        """Ages by channel (channels, period) in steps."""
-        return self.law.ages[[self.owner.index(c) for c in range(max(self.owner) + 1)]]
+        """Ages by channel (channels, period) in steps, of as many turns as last for three of the largest delay."""
+        ages = self.law.ages[[self.owner.index(c) for c in range(max(self.owner) + 1)]]
+        return np.tile(ages, (1, -(-3 * int(ages.max()) // ages.shape[1])))
 
     @property
     def max_delay(self) -> float:

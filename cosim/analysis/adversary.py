@@ -96,8 +96,8 @@ def sooner(loop: SampledLoop, ways: tuple[int, ...], low: int, sketch: DelayLaw)
 def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int, high: int) -> DelayLaw | None:
     """The destroying law with the smallest bound of the loop's own step that improving a sketch leads to.
 
-    On the first finer steps the many laws are tried again beside it: coarse steps hardly tell a law that holds a peak
-    in sight from a constant delay.
+    On the first finer steps the many laws are tried again, just below the bound that is known then: far above it a
+    constant delay grows faster than the laws that destroy first.
     """
     together, law = round(sketch.step / loop.step), sketch
     again = together > 1
@@ -105,9 +105,11 @@ def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int
         together //= _FACTOR
         law = evolve(law, ages=np.repeat(law.ages, _FACTOR, axis=1) * _FACTOR, step=law.step / _FACTOR)
         finer = _level(loop, together)
-        if again:
-            law, again = _searched(finer, int(law.ages.max()), ways, (law,)), False
         law = _descended(finer, law, ways, _bounds(low, high, together), 1, 5)
+        if again:
+            other = _searched(finer, max(int(law.ages.max()) - 1, 1), ways)
+            other, again = _descended(finer, other, ways, _bounds(low, high, together), 1, 5), False
+            law = other if other.growth_rate > 0.0 and other.max_delay <= law.max_delay else law
     exact = under(loop, law.ages)
     return exact if exact.growth_rate > 0.0 else None
 
@@ -150,16 +152,18 @@ def _descended(
 def _searched(loop: SampledLoop, most: int, ways: tuple[int, ...], known: tuple[DelayLaw, ...] = ()) -> DelayLaw:
     """The best of many starts, tuned: a value held in sight and then the full delay, or a full delay with a pause.
 
-    Periods of 1.5 to 6 times the bound; independent ways start a third of a period apart. `known`: laws beside them.
+    Periods of 1.5 to 6 times the bound; independent ways start a third of a period apart.
     """
-    found = list(known)
+    found = []
     for period in sorted({round(most * factor) for factor in np.geomspace(1.5, 6.0, 16)}):
         k = np.arange(period)
         for start in (np.minimum(k, most), np.where(k < 0.2 * period, 0, most)):
             ages = np.array([np.roll(start, way * period // 3) for way in ways])
             found.append(_improved(loop, most, ways, ages, _FIRST))
     found.sort(key=_rate, reverse=True)
-    return max((_tuned(loop, most, ways, law, 4) for law in found[:3]), key=_rate)
+    steady = [law for law in found if np.ptp(law.ages) == 0][:1]  # a constant delay is the same in every period
+    moving = [law for law in found if np.ptp(law.ages) > 0][:3]
+    return max([*steady, *(_tuned(loop, most, ways, law, 4) for law in moving)], key=_rate)
 
 
 def _rate(law: DelayLaw) -> float:

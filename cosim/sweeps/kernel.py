@@ -284,7 +284,7 @@ class _Call:
     def __init__(self, settings: Sequence[LaneSetting], layout: LaneLayout, quantile: float) -> None:
         self.layout, self.places, self.timetable = layout, layout.places, layout.timetable
         self.settings, self.width, self.quantile = settings, lanes(), quantile
-        self.filled = [*settings, *[*settings, *settings[-2:] * self.width][len(settings) : self.width]]
+        self.filled = [*settings, *list(settings[-2:]) * self.width][: self.width]
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
         self.experiment = self.wiring.scenario.experiment
         self.arena = Arena()

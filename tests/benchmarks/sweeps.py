@@ -1,7 +1,7 @@
 """What sweeps cost: kernel against the fmpy loop, a second core, a map by brute force, a traced boundary, start-up,
 commands.
 
-    python -m tests.benchmarks.sweeps [--quick] [--agree]
+    python -m tests.benchmarks.sweeps [--quick] [--agree] [--kernel]
 
 Processor seconds, so that a busy machine troubles all alike; wall-clock time beside where a user waits for it.
 """
@@ -112,6 +112,74 @@ def batch(task: Task, points: Sequence[Point]) -> list[PointResult]:
     return [PointResult(result.outcome.value) for result in kernel.run_batch(wired, _signals(wired[0]))]
 
 
+FRICTION = {
+    "stribeck": 0.002,
+    "stribeck_velocity": 0.05,
+    "coulomb": 0.002,
+    "hysteresis": 0.003,
+    "hysteresis_length": 0.02,
+}
+OVERTAKING = {
+    "law": "uniform",
+    "delay_min": 0.01,
+    "delay_max": 0.1,
+    "delay_interval": 0.02,
+    "semantics": "newest_packet",
+}
+LOSSY = OVERTAKING | {"loss_to_bad": 0.01, "loss_to_good": 0.2}
+KINDS: dict[str, tuple[str, dict[str, object], list[str]]] = {
+    "the paper's loop": ("sallam-nodelay", PAPER, ["controller_*.stiffness"]),
+    "contact: hand and wall": ("contact", {"experiment.stop": 20.0}, ["controller_*.stiffness"]),
+    "contact, one internal step": (
+        "contact",
+        {"experiment.stop": 20.0, "arm_*.internal_steps": 1, "operator.internal_steps": 1},
+        ["controller_*.stiffness"],
+    ),
+    "Stribeck and hysteresis": (
+        "sallam-nodelay",
+        PAPER | {f"arm_*.{k}": v for k, v in FRICTION.items()},
+        ["arm_*.payload"],
+    ),
+    "newest packet, seeds": ("sallam-stable", {f"channel_*.{k}": v for k, v in OVERTAKING.items()}, ["channel_*.seed"]),
+    "newest packet, seeds, losses": (
+        "sallam-stable",
+        {f"channel_*.{k}": v for k, v in LOSSY.items()},
+        ["channel_*.seed"],
+    ),
+}
+"""Kinds of scenarios that the kernel runs: a scenario, values, the path that differs from lane to lane."""
+
+
+def kernel_against_cosimulation(rounds: int) -> list[tuple[str, float, float, float, bool]]:
+    """Of each kind: processor ms of a run of 20 s in the kernel and in the compiled co-simulation, the median ratio of
+    interleaved rounds, whether a lane has the bits of the FMUs.
+    """
+    rows = []
+    for kind, (name, values, paths) in KINDS.items():
+        base = load_scenario(name).with_values(values | {"experiment.stop": 20.0, "experiment.record_every": 5})
+        with open_system(base) as system:
+            start = {"controller_*.stiffness": 0.25 if "contact" not in kind else 150.0, "arm_*.payload": 0.01}
+            lanes = [
+                base.with_values({p: k + 1 if "seed" in p else start[p] * (1.0 + 0.01 * k) for p in paths})
+                for k in range(2 * kernel.lanes())
+            ]
+            wirings = [system.wiring(one) for one in lanes]
+            record = _signals(wirings[0])
+            assert kernel.refusal(wirings[0], record) is None, kind
+            found, whole = kernel.run_batch(wirings, record)[1], run(lanes[1], system, record=record)
+            same = all(found.signals[n].tobytes() == whole.signals[n].tobytes() for n in found.signals)
+            times = [
+                (
+                    timed(lambda: kernel.run_batch(wirings, record)) / len(lanes),
+                    timed(lambda: run(lanes[1], system, record=record)),
+                )
+                for _ in range(rounds)
+            ]
+        ours, theirs = (1e3 * statistics.median(some) for some in zip(*times))
+        rows.append((kind, ours, theirs, statistics.median(slow / fast for fast, slow in times), same))
+    return rows
+
+
 def cores(evaluator: str, rounds: int) -> float:
     """How many times the points a second that two worker processes do of what one does, by the clock, shortest rounds
     of each.
@@ -197,8 +265,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a 20 x 20 map and two rounds")
     parser.add_argument("--agree", action="store_true", help="whether runs that end early have the signs of whole ones")
+    parser.add_argument("--kernel", action="store_true", help="kinds of scenarios in the kernel, beside co-simulation")
     given = parser.parse_args()
     quick = given.quick
+    if given.kernel:
+        print("| 20 s of | kernel, ms | compiled co-simulation, ms | ratio | same bits |\n|---|---|---|---|---|")
+        for kind, *figures, same in kernel_against_cosimulation(3 if quick else 9):
+            print(f"| {kind} | {' | '.join(map(figure, figures))} | {'yes' if same else 'NO'} |", flush=True)
+        return
     if given.agree:
         points, agreed, wrong = contradictions(20 if quick else 50)
         print(

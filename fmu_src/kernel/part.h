@@ -8,10 +8,10 @@
 #define JOINT_IN_LANES
 
 /* Laws work in registers: every function that is inline is put where it is called, whatever the compiler thinks of its size. */
-#ifdef __clang__
+#ifdef __clang__ /* which zig is; gcc builds the kernel only to check it, and takes minutes for so large functions */
 #pragma clang diagnostic ignored "-Wkeyword-macro"
-#endif
 #define inline inline __attribute__((always_inline))
+#endif
 
 #include "Environment_model.h"
 #include "Operator_model.h"

@@ -20,7 +20,7 @@ from cosim.identification.identification import Identification, Parameter, ident
 from cosim.identification.identification import identify as identified
 from cosim.identification.idim import Idim, idim
 from cosim.identification.method import adjusted, suggested
-from cosim.measured import Recording, RobotDevice
+from cosim.measured import Recording
 from cosim.measured import read as read_files
 from cosim.measured.survey import Survey, survey
 from cosim.results.saving import save_files, write_json, write_text
@@ -243,20 +243,9 @@ def close_loop(
     """
     known: tuple[Effect, ...] = library([Path(file) for file in own_effects])
     recording = _recording(data, test, description)
-    _closable(recording)
     previous = effects_file.load(Path(effects), known, recording) if effects is not None else ()
     tell = progress or (lambda text: None)
     return ClosureResult(closed(recording, Options(effects=known, previous=previous, replayed=replay, progress=tell)))
-
-
-def _closable(recording: Recording) -> None:
-    """Raises InputError for a device whose loop cannot be closed yet."""
-    if not isinstance(recording.device, RobotDevice):
-        return
-    advice = 'identify takes it; for one joint, give its columns with device = "regressor"'
-    raise InputError(
-        Problem(f"{recording.description.source}: device", "phantom, axis or regressor for close-loop", "robot", advice)
-    )
 
 
 @final

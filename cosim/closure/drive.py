@@ -4,19 +4,26 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import singledispatch
 from typing import ClassVar, final
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
-from cosim.measured.device import AxisDevice, Device, PhantomDevice
+from cosim.arm.base_parameters import base_parameters, parameter_names
+from cosim.arm.identified import identified_arm
+from cosim.arm.serial import SerialModel
+from cosim.arm.serial_dynamics import mass_matrix
+from cosim.arm.serial_table import arm_values
+from cosim.effects.surroundings import pair_of
+from cosim.measured.device import AxisDevice, Device, PhantomDevice, RobotDevice
 from cosim.measured.label import Label
 
 StartValue = float | list[float]
 StartValues = dict[str, StartValue]
 """Start values of an FMU: a scalar, or a list for an array."""
+POSES = 100  # inside the limits, at which the inertia of an arm is looked at
 STEPS = 2, 1000  # internal steps of the drives: unless set, and at most
 
 
@@ -24,6 +31,15 @@ class Drive(ABC):
     """How one FMU names the variables of a device. Subclasses are final and frozen."""
 
     model: ClassVar[str]
+
+    @property
+    def joints(self) -> int | None:
+        """How many joints a table of joints is cut to; None where the FMU has none."""
+        return None
+
+    def lacks(self, parameters: Iterable[Label]) -> str:
+        """Why not all parameters have a place in the FMU; empty where they have."""
+        return ""
 
     @abstractmethod
     def variable(self, name: str, joint: int) -> str:
@@ -48,28 +64,16 @@ class ArmDrive(Drive):
     """PhantomArm: three joints, arrays of parameters."""
 
     model: ClassVar[str] = "PhantomArm"
-    WIDTHS: ClassVar[Mapping[str, int]] = {
-        "pi": 8,
-        "coupling_viscous": 6,
-        "coupling_coulomb": 6,
-        "coupling_velocity": 6,
-        "coupling_stiffness": 6,
-        "base_tilt": 2,
-    }
+    COUPLING: ClassVar[tuple[str, ...]] = tuple(
+        f"coupling_{name}" for name in ("viscous", "coulomb", "velocity", "stiffness")
+    )
+    WIDTHS: ClassVar[Mapping[str, int]] = {"pi": 8, "base_tilt": 2, **dict.fromkeys(COUPLING, 6)}
 
     def variable(self, name: str, joint: int) -> str:
         return f"{name}[{joint + 1}]"
 
     def start_values(self, parameters: Mapping[Label, float]) -> StartValues:
-        rows: dict[str, list[float]] = {}
-        out: StartValues = {}
-        for label, value in parameters.items():
-            if label.index is not None:
-                out[label.name] = row = rows.setdefault(label.name, [0.0] * self.WIDTHS.get(label.name, 3))
-                row[label.index - 1] = value
-            elif label.name.isidentifier():
-                out[label.name] = value
-        return out | _of_every_joint(rows)
+        return _in_rows(parameters, 3, self.WIDTHS)
 
     def start_of(self, q: np.ndarray, dq: np.ndarray) -> StartValues:
         return {"q_start": q.tolist(), "dq_start": dq.tolist()}
@@ -77,6 +81,84 @@ class ArmDrive(Drive):
     def inertia(self, values: Mapping[str, StartValue]) -> np.ndarray:
         pi = np.asarray(values["pi"], float)
         return np.abs(np.array([pi[0] + abs(pi[1]) + abs(pi[2]) + abs(pi[3]), pi[4], pi[5]]))
+
+
+@final
+@frozen(eq=False)
+class SerialDrive(Drive):
+    """SerialArm: an arm from its URDF, whose table takes the identified base parameters."""
+
+    model: ClassVar[str] = "SerialArm"
+    WIDTHS: ClassVar[Mapping[str, int]] = {"base_tilt": 2, "contact_normal": 3}
+    arm: SerialModel
+
+    @property
+    def joints(self) -> int:
+        return self.arm.count
+
+    def variable(self, name: str, joint: int) -> str:
+        return f"{name}[{joint + 1}]"
+
+    def start_values(self, parameters: Mapping[Label, float]) -> StartValues:
+        """The table too where all base parameters are given. Motors have no limit but one that was found."""
+        names = parameter_names(self.arm)
+        base = [Label.of_joint(*names[k]) for k in base_parameters(self.arm).kept]
+        rest, table = {label: value for label, value in parameters.items() if label not in base}, StartValues()
+        if all(label in parameters for label in base):
+            table = arm_values(identified_arm(self.arm, np.array([parameters[label] for label in base])))
+            del table["torque_saturation"]
+        return table | _in_rows(self._in_places(rest), self.arm.count, self.WIDTHS)
+
+    def _in_places(self, parameters: Mapping[Label, float]) -> dict[Label, float]:
+        """Couplings by the FMU's places for them, each with the joints that it is between, instead of by pairs."""
+        pairs = dict.fromkeys(label.index for label in parameters if _is_coupling(label))
+        place = {pair: k for k, pair in enumerate(pairs, 1)}
+        out = {
+            Label(label.name, place[label.index]) if _is_coupling(label) else label: value
+            for label, value in parameters.items()
+        }
+        for pair, k in place.items():
+            on, other = pair_of(self.arm.count, pair or 1)
+            out |= {Label("coupling_on", k): on + 1, Label("coupling_from", k): other + 1}
+        return {label: value for label, value in out.items() if not (_is_coupling(label) and (label.index or 0) > self.arm.count)}
+
+    def lacks(self, parameters: Iterable[Label]) -> str:
+        pairs = {label.index for label in parameters if _is_coupling(label)}
+        n = self.arm.count
+        return f"the FMU has room for {n} couplings, not for {len(pairs)}: the last are left out of it" if len(pairs) > n else ""
+
+    def start_of(self, q: np.ndarray, dq: np.ndarray) -> StartValues:
+        return {"q_start": q.tolist(), "dq_start": dq.tolist()}
+
+    def inertia(self, values: Mapping[str, StartValue]) -> np.ndarray:
+        columns = {name: np.asarray(values[name], float) for name in arm_values(self.arm) if name in values}
+        tensor = [[columns[f"inertia_{''.join(sorted(a + b))}"] for b in "xyz"] for a in "xyz"]
+        arm = evolve(
+            self.arm,
+            mass=columns["mass"],
+            centre=np.stack([columns[f"centre_{a}"] for a in "xyz"], axis=1),
+            inertia=np.moveaxis(np.array(tensor), 2, 0),
+            armature=columns["rotor_inertia"],
+        )
+        own = np.diagonal(mass_matrix(arm, arm.poses(POSES, 1)), axis1=1, axis2=2)
+        return np.abs(own).max(axis=0)
+
+
+def _is_coupling(label: Label) -> bool:
+    return label.name in ArmDrive.COUPLING and label.index is not None
+
+
+def _in_rows(parameters: Mapping[Label, float], joints: int, widths: Mapping[str, int]) -> StartValues:
+    """Arrays of an arm's FMU, as long as it has joints unless `widths` says so."""
+    rows: dict[str, list[float]] = {}
+    out: StartValues = {}
+    for label, value in parameters.items():
+        if label.index is not None:
+            out[label.name] = row = rows.setdefault(label.name, [0.0] * widths.get(label.name, joints))
+            row[label.index - 1] = value
+        elif label.name.isidentifier():
+            out[label.name] = value
+    return out | _of_every_joint(rows)
 
 
 def _of_every_joint(rows: Mapping[str, list[float]]) -> StartValues:
@@ -128,6 +210,11 @@ def _(device: PhantomDevice) -> Drive | None:
 @drive_of.register
 def _(device: AxisDevice) -> Drive | None:
     return JointDrive()
+
+
+@drive_of.register
+def _(device: RobotDevice) -> Drive | None:
+    return SerialDrive(device.arm)
 
 
 def effects_drive(device: Device) -> Drive:

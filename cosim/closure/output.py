@@ -70,12 +70,12 @@ def write_fmu(closure: Closure, folder: Path) -> list[str]:
     drive = drive_of(closure.recording.device)
     if drive is None or not closure.values_after:
         return []
-    from build_fmus import fmu_path, start_values
+    from build_fmus import fitted_fmu, start_values
 
     files = {version: folder / f"fmi{version}" / f"{drive.model}.fmu" for version in (2, 3)}
     for out in files.values():
         out.parent.mkdir(exist_ok=True)
         out.unlink(missing_ok=True)
     for version, out in files.items():
-        start_values(fmu_path(drive.model, version), closure.values_after, out)
+        start_values(fitted_fmu(drive.model, drive.joints, version), closure.values_after, out)
     return [str(out.relative_to(folder)) for out in files.values()]

@@ -30,7 +30,7 @@ from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapo
 from cosim.signals import Signal
 
 if TYPE_CHECKING:
-    from cosim.engine.master import Result, System
+    from cosim.engine.master import System
 
 SETTLE = 0.2  # s at the start of every run that are not judged: velocity and presliding state are not recorded
 GUIDE = 2 * np.pi * 4.0  # rad/s, natural frequency of the guiding PD
@@ -39,6 +39,7 @@ JITTER = 0.005  # of the torque: the largest share that encoder noise on that pa
 BLOCK = 0.5  # s, blocks of the bootstrap
 LATE = 0.7 / GUIDE  # s: half of the lag above which the guiding PD is unstable
 LEAST = 0.5  # of the judged rows: a model that reaches fewer has no replay error
+WIDE = 3  # joints of a PDController
 LAGS = ("actuator_lag", "time_delay")
 SIDES = ("before", "after")
 
@@ -217,12 +218,15 @@ def _played(
 
     values = stepped(parameters, path.run.step)
     try:
-        changed = scenario.with_values({f"drive.{key}": value for key, value in values.items()})
-        result = execute(changed, system, record=["controller.tau", "drive.q"])
+        given = {**values, **scenario.components["drive"].parameters}  # where it starts is the recording's
+        changed = scenario.with_values({f"drive.{key}": value for key, value in given.items()})
+        controllers = _controllers(path.q_ref.shape[1])
+        result = execute(changed, system, record=[*(f"{name}.tau" for name in controllers), "drive.q"])
     except (InputError, RunError) as error:
         nothing = np.full_like(path.q_ref, np.nan)
         return _ReplaySide(nothing, nothing, str(error))
-    tau, q = _column(result, "controller.tau", path), _column(result, "drive.q", path)
+    tau = _column([result.vector(f"{name}.tau") for name in controllers], path)
+    q = _column([result.vector("drive.q")], path)
     away = (np.abs(q - path.run.q) > np.ptp(path.run.q, axis=0).max()).any(axis=1)
     if away.any():
         first = int(np.argmax(away))
@@ -243,9 +247,9 @@ def _unstable(path: _ReplayedRun, time: float, values: Mapping[str, StartValue])
     return f"{text}, {'the PD that guides it' if path.guided else 'the recorded law'} does not hold this model"
 
 
-def _column(result: Result, name: str, path: _ReplayedRun) -> np.ndarray:
-    """A recorded signal on the rows of the run; rows that a run did not reach are nan."""
-    values = result.vector(name)[:, : path.q_ref.shape[1]]
+def _column(parts: Sequence[np.ndarray], path: _ReplayedRun) -> np.ndarray:
+    """Recorded signals side by side on the rows of the run; rows that a run did not reach are nan."""
+    values = np.column_stack(parts)[:, : path.q_ref.shape[1]]
     rows = np.full_like(path.q_ref, np.nan)
     rows[: len(values)] = values[: len(rows)]
     return rows
@@ -266,7 +270,10 @@ def experiment(drive: Drive, path: _ReplayedRun, folder: Path) -> Scenario:
             recording=str(file), columns=tuple(names[joints:]), unit="N.m", interpolation=Extrapolation.HOLD
         ),
         "drive": Component(model=drive.model, parameters=_start(path, drive)),
-        "controller": Component(model="PDController", parameters=_gains(path)),
+        **{
+            name: Component(model="PDController", parameters=_gains(path, first))
+            for first, name in zip(range(0, joints, WIDE), _controllers(joints), strict=True)
+        },
     }
     step = round(run.step * 1e9) / 1e9
     settings = Experiment(
@@ -274,23 +281,30 @@ def experiment(drive: Drive, path: _ReplayedRun, folder: Path) -> Scenario:
         step=step,
         algorithm=Algorithm.GAUSS_SEIDEL,
         extrapolation=Extrapolation.HOLD,
-        order=("reference", "feed", "drive", "controller"),
+        order=("reference", "feed", "drive", *_controllers(joints)),
     )
     return Scenario("replay", settings, parts, _wires(drive, joints), folder=folder)
 
 
 def _start(path: _ReplayedRun, drive: Drive) -> dict[str, object]:
-    """The recorded start; its velocity is the mean over the first rows."""
+    """The recorded start, its velocity the mean over the first rows, and how many joints there are."""
     rows = min(8, len(path.run) - 1)
     speed = (path.run.q[rows] - path.run.q[0]) / (rows * path.run.step)
-    return {**drive.start_of(path.run.q[0], speed)}
+    joints = {} if drive.joints is None else {"joints": drive.joints}
+    return {**joints, **drive.start_of(path.run.q[0], speed)}
 
 
-def _gains(path: _ReplayedRun) -> dict[str, object]:
-    """Parameters of the PDController, three joints wide; joints that are not there have no gain."""
+def _controllers(joints: int) -> list[str]:
+    """Names of the controllers, each of WIDE joints."""
+    return [f"controller{first // WIDE + 1}" for first in range(0, joints, WIDE)]
+
+
+def _gains(path: _ReplayedRun, first: int) -> dict[str, object]:
+    """Parameters of the PDController of joints from `first` on; joints that are not there have no gain."""
 
     def wide(values: Sequence[float]) -> list[float]:
-        return [float(v) for v in values] + [0.0] * (3 - len(values))
+        own = values[first : first + WIDE]
+        return [float(v) for v in own] + [0.0] * (WIDE - len(own))
 
     return {
         "kp": wide(path.kp),
@@ -303,13 +317,14 @@ def _gains(path: _ReplayedRun) -> dict[str, object]:
 
 def _wires(drive: Drive, joints: int) -> tuple[Connection, ...]:
     wires = []
-    for j in range(1, joints + 1):
-        q, tau = drive.variable("q", j - 1), drive.variable("tau", j - 1)
+    for j in range(joints):
+        q, tau = drive.variable("q", j), drive.variable("tau", j)
+        controller, k = _controllers(joints)[j // WIDE], j % WIDE + 1
         wires += [
-            Connection(Signal("reference", f"y[{j}]"), Signal("controller", f"q_ref[{j}]")),
-            Connection(Signal("feed", f"y[{j}]"), Signal("controller", f"tau_ff[{j}]")),
-            Connection(Signal("drive", q), Signal("controller", f"q[{j}]")),
-            Connection(Signal("controller", f"tau[{j}]"), Signal("drive", tau)),
+            Connection(Signal("reference", f"y[{j + 1}]"), Signal(controller, f"q_ref[{k}]")),
+            Connection(Signal("feed", f"y[{j + 1}]"), Signal(controller, f"tau_ff[{k}]")),
+            Connection(Signal("drive", q), Signal(controller, f"q[{k}]")),
+            Connection(Signal(controller, f"tau[{k}]"), Signal("drive", tau)),
         ]
     return tuple(wires)
 

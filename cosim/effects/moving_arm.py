@@ -8,15 +8,21 @@ from functools import cached_property, singledispatch
 from typing import final
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
+from cosim.arm import serial_dynamics
 from cosim.arm.dynamics import inverse_dynamics
+from cosim.arm.identified import identified_arm
 from cosim.arm.kinematics import L1, L2, forward, jacobian
 from cosim.arm.segments import point_mass_pi
+from cosim.arm.serial import SerialModel
+from cosim.arm.serial_kinematics import tip_jacobian, tip_position
 from cosim.effects.motion import Columns, Motion
-from cosim.measured.device import Device, PhantomDevice
+from cosim.measured.device import Device, PhantomDevice, RobotDevice
 
 UNBALANCED = 1e-3  # N m, of the largest gravity moment: below it the arm is balanced
+UPRIGHT = 1e-9  # rad, between an axis and the vertical: rounding of a URDF's frames
+POSES = 100  # inside the limits, at which gravity is looked at
 
 
 class ArmGeometry(ABC):
@@ -80,6 +86,43 @@ class PhantomGeometry(ArmGeometry):
 
 @final
 @frozen(eq=False)
+class SerialGeometry(ArmGeometry):
+    """An arm from its URDF; pi are its base parameters."""
+
+    arm: SerialModel
+
+    def tip(self, q: np.ndarray) -> np.ndarray:
+        return tip_position(self.arm, q)
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        return tip_jacobian(self.arm, q)
+
+    def payload_torque(self, motion: Motion, gravity: float) -> np.ndarray:
+        n, last = self.arm.count, np.arange(self.arm.count) == self.arm.count - 1
+        mass, centre = last.astype(float), np.outer(last, self.arm.tip)
+        only = evolve(self.arm, mass=mass, centre=centre, inertia=np.zeros((n, 3, 3)), armature=np.zeros(n))
+        return serial_dynamics.inverse_dynamics(only, motion.q, motion.dq, motion.ddq)
+
+    def tilt_torque(self, q: np.ndarray, pi: np.ndarray) -> Columns:
+        """Gravity turned about the base's y and its x axis to first order, as the FMU's `base_tilt` turns it."""
+        whole, g = identified_arm(self.arm, pi), self.arm.gravity
+        turned = [(g[2], 0.0, -g[0]), (0.0, g[2], -g[1])]
+        parts = [serial_dynamics.gravity_torque(evolve(whole, gravity=np.array(pull)), q) for pull in turned]
+        return {j: np.stack([part[:, j] for part in parts], axis=1) for j in range(self.arm.count)}
+
+    def balanced(self, pi: np.ndarray) -> bool:
+        weight = serial_dynamics.gravity_torque(identified_arm(self.arm, pi), self.arm.poses(POSES, 1))
+        return bool(np.abs(weight).max() <= UNBALANCED)
+
+    def idle(self, joint: int) -> bool:
+        """Of the first joint, where it slides or turns about the vertical: nothing is there that it moves towards."""
+        axis = self.arm.rotation[0] @ self.arm.axis[0]
+        upright = np.linalg.norm(np.cross(axis, self.arm.gravity)) <= UPRIGHT * np.linalg.norm(self.arm.gravity)
+        return joint == 0 and bool(upright or self.arm.sliding[0])
+
+
+@final
+@frozen(eq=False)
 class MovingArm:
     """An arm along one motion. Where its tip goes is computed once."""
 
@@ -106,6 +149,11 @@ def arm_geometry(device: Device) -> ArmGeometry | None:
 @arm_geometry.register
 def _(device: PhantomDevice) -> ArmGeometry | None:
     return PhantomGeometry()
+
+
+@arm_geometry.register
+def _(device: RobotDevice) -> ArmGeometry | None:
+    return SerialGeometry(device.arm)
 
 
 def moving_arm(device: Device, motion: Motion) -> MovingArm | None:

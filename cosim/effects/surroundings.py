@@ -10,7 +10,6 @@ from cosim.measured.label import Label
 
 DAMPED = 0.15  # of a wall's spring force: a smaller damping is indistinguishable from none, whatever its sign
 LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
-PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of coupling_*[1..6]
 
 
 class FrictionDrift(Effect):
@@ -212,29 +211,31 @@ class JointCoupling(Effect):
         width = 0.02 * np.percentile(np.abs(speed), 99)
         return np.concatenate([speed, speed / np.sqrt(speed**2 + max(width, 1e-12) ** 2)], axis=1)
 
-    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
+        """Of the coupling with the number of its pair of joints (`pair_number`)."""
+        theta, beta = estimate.theta, map(float, estimate.beta)
         if theta[0] < 0:
             speed = self.SHARED[int(theta[1])]
-            return (Label(f"coupling_viscous of {speed}"), Label(f"coupling_coulomb of {speed}"))
-        k = PAIRS.index((joints[0], int(theta[0]))) + 1
+            return dict(zip((Label(f"coupling_{n} of {speed}") for n in ("viscous", "coulomb")), beta, strict=True))
         shape = self.SHAPES[int(theta[1])]
-        names = {
-            "viscous": ("viscous",),
-            "coulomb": ("coulomb",),
-            "both": ("viscous", "coulomb"),
-            "spring": ("stiffness",),
-        }[shape]
-        return tuple(Label(f"coupling_{n}", k) for n in names)
-
-    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
-        joints, theta = estimate.joints, estimate.theta
-        values = dict(zip(self.labels(joints, theta), map(float, estimate.beta), strict=True))
-        if self.continuous(theta):
-            values[Label("coupling_velocity", PAIRS.index((joints[0], int(theta[0]))) + 1)] = theta[2]
-        return values
+        k = pair_number(estimate.scene.joints, estimate.joints[0], int(theta[0]))
+        names = {"both": ("viscous", "coulomb"), "spring": ("stiffness",)}.get(shape, (shape,))
+        values = dict(zip((Label(f"coupling_{n}", k) for n in names), beta, strict=True))
+        return values | ({Label("coupling_velocity", k): theta[2]} if self.continuous(theta) else {})
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if self.grid(scene, joints) else "no speed of another joint recorded"
+
+
+def pair_number(joints: int, on: int, other: int) -> int:
+    """The number, from 1, of the coupling on one joint from another (both from 0): (0, 1), (0, 2), .., (1, 0), .."""
+    return on * (joints - 1) + other - (other > on) + 1
+
+
+def pair_of(joints: int, number: int) -> tuple[int, int]:
+    """The joints (from 0) of a coupling: on which it acts, and from which it comes."""
+    on, other = divmod(number - 1, joints - 1)
+    return on, other + (other >= on)
 
 
 def _speeds(scene: Scene) -> list[str]:

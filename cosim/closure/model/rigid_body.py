@@ -4,15 +4,16 @@
 """
 
 from collections.abc import Callable
-from functools import singledispatch
+from functools import partial, singledispatch
 
 import numpy as np
 from attrs import frozen
 
+from cosim.arm.base_parameters import base_columns, base_parameters, parameter_names
 from cosim.arm.dynamics import regressor
 from cosim.closure.model.motion import SmoothedMotion
 from cosim.measured.columns import ColumnNames
-from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice
+from cosim.measured.device import AxisDevice, Device, PhantomDevice, RegressorDevice, RobotDevice
 from cosim.measured.label import Label
 
 Equations = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -76,6 +77,17 @@ def _(device: RegressorDevice, motion: SmoothedMotion, columns: ColumnNames) -> 
     if _independent(motion.ddq, given):
         labels, full = (*labels, Label("inertia")), np.concatenate([given, motion.ddq], axis=1)
     return RigidBody(labels, full[:, None, :], known, recorded=given.shape[1])
+
+
+@rigid_body.register
+def _(device: RobotDevice, motion: SmoothedMotion, columns: ColumnNames) -> RigidBody:
+    """Base parameters of all joints together, rotors among them."""
+    base = base_parameters(device.arm)
+    equations = partial(base_columns, device.arm, base)
+    names = parameter_names(device.arm)
+    labels = tuple(device.label(*names[k]) for k in base.kept)
+    full = equations(motion.q, motion.dq, motion.ddq)
+    return RigidBody(labels, full, np.zeros_like(motion.q), equations)
 
 
 def _independent(column: np.ndarray, columns: np.ndarray) -> bool:

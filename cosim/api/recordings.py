@@ -14,7 +14,6 @@ from cosim.closure.closure import Closure, Options
 from cosim.closure.closure import close_loop as closed
 from cosim.closure.document import answer, sentence
 from cosim.effects import Effect, library
-from cosim.errors import InputError, Problem
 from cosim.identification.document import document, verdict
 from cosim.identification.identification import Identification, Parameter, identify_as_paper
 from cosim.identification.identification import identify as identified

@@ -230,7 +230,8 @@ def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
         for f in verdict.findings
         if f.parameters and not any(label.index or label.name.isidentifier() for label in f.parameters)
     ]
-    if (drive := drive_of(before.setting.device)) and (text := drive.lacks(l for f in verdict.findings for l in f.parameters)):
+    drive = drive_of(before.setting.device)
+    if drive is not None and (text := drive.lacks(label for f in verdict.findings for label in f.parameters)):
         out.append(text)
     lags = [f for f in verdict.findings if f.name in ("actuator_lag", "time_delay")]
     if lags:

@@ -23,6 +23,7 @@ from cosim.measured.label import Label
 StartValue = float | list[float]
 StartValues = dict[str, StartValue]
 """Start values of an FMU: a scalar, or a list for an array."""
+COUPLING = ("coupling_viscous", "coupling_coulomb", "coupling_velocity", "coupling_stiffness")
 POSES = 100  # inside the limits, at which the inertia of an arm is looked at
 STEPS = 2, 1000  # internal steps of the drives: unless set, and at most
 
@@ -64,9 +65,6 @@ class ArmDrive(Drive):
     """PhantomArm: three joints, arrays of parameters."""
 
     model: ClassVar[str] = "PhantomArm"
-    COUPLING: ClassVar[tuple[str, ...]] = tuple(
-        f"coupling_{name}" for name in ("viscous", "coulomb", "velocity", "stiffness")
-    )
     WIDTHS: ClassVar[Mapping[str, int]] = {"pi": 8, "base_tilt": 2, **dict.fromkeys(COUPLING, 6)}
 
     def variable(self, name: str, joint: int) -> str:
@@ -111,21 +109,22 @@ class SerialDrive(Drive):
 
     def _in_places(self, parameters: Mapping[Label, float]) -> dict[Label, float]:
         """Couplings by the FMU's places for them, each with the joints that it is between, instead of by pairs."""
-        pairs = dict.fromkeys(label.index for label in parameters if _is_coupling(label))
-        place = {pair: k for k, pair in enumerate(pairs, 1)}
-        out = {
-            Label(label.name, place[label.index]) if _is_coupling(label) else label: value
-            for label, value in parameters.items()
-        }
-        for pair, k in place.items():
-            on, other = pair_of(self.arm.count, pair or 1)
-            out |= {Label("coupling_on", k): on + 1, Label("coupling_from", k): other + 1}
-        return {label: value for label, value in out.items() if not (_is_coupling(label) and (label.index or 0) > self.arm.count)}
+        pairs = _pairs(parameters)[: self.arm.count]
+        out = {label: value for label, value in parameters.items() if not _is_coupling(label)}
+        for place, pair in enumerate(pairs, 1):
+            on, other = pair_of(self.arm.count, pair)
+            out |= {Label("coupling_on", place): on + 1, Label("coupling_from", place): other + 1}
+            own = {name: parameters.get(Label(name, pair)) for name in COUPLING}
+            out |= {Label(name, place): value for name, value in own.items() if value is not None}
+        return out
 
     def lacks(self, parameters: Iterable[Label]) -> str:
-        pairs = {label.index for label in parameters if _is_coupling(label)}
-        n = self.arm.count
-        return f"the FMU has room for {n} couplings, not for {len(pairs)}: the last are left out of it" if len(pairs) > n else ""
+        room, wanted = self.arm.count, len(_pairs(parameters))
+        if wanted <= room:
+            return ""
+        return (
+            f"the FMU has room for {room} couplings between joints, not for {wanted}: the last ones are left out of it"
+        )
 
     def start_of(self, q: np.ndarray, dq: np.ndarray) -> StartValues:
         return {"q_start": q.tolist(), "dq_start": dq.tolist()}
@@ -145,7 +144,12 @@ class SerialDrive(Drive):
 
 
 def _is_coupling(label: Label) -> bool:
-    return label.name in ArmDrive.COUPLING and label.index is not None
+    return label.name in COUPLING and label.index is not None
+
+
+def _pairs(parameters: Iterable[Label]) -> list[int]:
+    """Numbers of the couplings that parameters belong to, each once."""
+    return list(dict.fromkeys(label.index for label in parameters if _is_coupling(label) and label.index is not None))
 
 
 def _in_rows(parameters: Mapping[Label, float], joints: int, widths: Mapping[str, int]) -> StartValues:

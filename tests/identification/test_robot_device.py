@@ -19,7 +19,8 @@ from cosim.identification.identification import identify
 from cosim.identification.method import adjusted, suggested
 from tests.identification.tx40 import PUBLISHED, entered
 from tests.support.paths import SHARED
-from tests.support.robot_rig import COULOMB, OFFSET, VISCOUS, RobotRig, described
+from tests.support.robot_joints import COULOMB, OFFSET, VISCOUS
+from tests.support.robot_rig import RobotRig, described
 
 LABELS = 48 + 3 * 7
 

@@ -1,15 +1,22 @@
 """One trial: a rig's run through the tool, and what came of it beside what was hidden."""
 
+from __future__ import annotations
+
 import json
 import os
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tests.support.rig.cases import Case
 from tests.support.rig.experiment import Measured, RigExperiment
+
+if TYPE_CHECKING:
+    from cosim.closure.closure import Closure
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 PART = 500  # runs that are simulated at once: a part takes a minute and a half however small
@@ -79,11 +86,16 @@ def judge(task) -> dict:
     )
     if not run.good:
         return asdict(out)
+    return asdict(answered(out, lambda: close_loop(recording(run, case), Options(replayed=False))))
+
+
+def answered(out: TrialOutcome, close: Callable[[], Closure]) -> TrialOutcome:
+    """The outcome with what the tool found."""
     try:
-        closure = close_loop(recording(run, case), Options(replayed=False))
+        closure = close()
     except Exception as error:  # noqa: BLE001 - a study counts it as a wrong answer and goes on
         out.verdict = f"error: {error!r}"
-        return asdict(out)
+        return out
     verdict = closure.verdict
     out.verdict = verdict.answer.value
     out.found = [(f.name, list(f.joints), list(f.aliases)) for f in verdict.findings]
@@ -99,7 +111,7 @@ def judge(task) -> dict:
             for errors in (closure.error.before, closure.error.after)
         )
         out.viscous = closure.before.friction_levels[0].tolist()
-    return asdict(out)
+    return out
 
 
 def run_all(

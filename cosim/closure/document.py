@@ -229,7 +229,7 @@ def _left(leftover: Leftover) -> str:
 
 
 def _named(found: NamedEffect) -> str:
-    where = "" if len(found.joints) > 1 else f" on joint {', '.join(map(str, found.joints))}"
+    place = found.effect.place(found.choice.joints, found.choice.theta)
     others = ["an effect without a name" if name == "unknown" else name for name in found.aliases]
     aliases = f" (not told from {' or '.join(others)})" if others else ""
-    return f"{found.name}{where}{aliases}"
+    return f"{found.name}{place and f' {place}'}{aliases}"

@@ -56,7 +56,7 @@ class Drive(ABC):
 
     @abstractmethod
     def inertia(self, values: Mapping[str, StartValue]) -> np.ndarray:
-        """Inertias (nj,) [kg.m^2] of the joints for given start values, large rather than small."""
+        """Inertias (nj,) [kg.m^2] of the joints for given start values, that a guiding PD counts on."""
 
 
 @final
@@ -122,14 +122,15 @@ class SerialDrive(Drive):
         room, wanted = self.arm.count, len(_pairs(parameters))
         if wanted <= room:
             return ""
-        return (
-            f"the FMU has room for {room} couplings between joints, not for {wanted}: the last ones are left out of it"
-        )
+        return f"the FMU has room for {room} couplings between joints, not for {wanted}: it lacks the last"
 
     def start_of(self, q: np.ndarray, dq: np.ndarray) -> StartValues:
         return {"q_start": q.tolist(), "dq_start": dq.tolist()}
 
     def inertia(self, values: Mapping[str, StartValue]) -> np.ndarray:
+        """Of a joint whose neighbours are free to give way, at the pose where it is least: gains for a larger one would
+        shake it there.
+        """
         columns = {name: np.asarray(values[name], float) for name in arm_values(self.arm) if name in values}
         tensor = [[columns[f"inertia_{''.join(sorted(a + b))}"] for b in "xyz"] for a in "xyz"]
         arm = evolve(
@@ -139,8 +140,8 @@ class SerialDrive(Drive):
             inertia=np.moveaxis(np.array(tensor), 2, 0),
             armature=columns["rotor_inertia"],
         )
-        own = np.diagonal(mass_matrix(arm, arm.poses(POSES, 1)), axis1=1, axis2=2)
-        return np.abs(own).max(axis=0)
+        alone = np.diagonal(np.linalg.inv(mass_matrix(arm, arm.poses(POSES, 1))), axis1=1, axis2=2)
+        return 1 / np.abs(alone).max(axis=0)
 
 
 def _is_coupling(label: Label) -> bool:
@@ -158,7 +159,7 @@ def _in_rows(parameters: Mapping[Label, float], joints: int, widths: Mapping[str
     out: StartValues = {}
     for label, value in parameters.items():
         if label.index is not None:
-            out[label.name] = row = rows.setdefault(label.name, [0.0] * widths.get(label.name, joints))
+            out[label.name] = row = rows.setdefault(label.name, [type(value)(0)] * widths.get(label.name, joints))
             row[label.index - 1] = value
         elif label.name.isidentifier():
             out[label.name] = value

@@ -108,6 +108,10 @@ class Effect(ABC):
         )
         return f"a torque that depends on {' and '.join(names)}"
 
+    def place(self, joints: Joints, theta: Theta) -> str:
+        """Where it acts, in words; empty where that is the whole arm."""
+        return f"on joint {joints[0] + 1}" if len(joints) == 1 else ""
+
     def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         """The FMU parameter that each nonlinear parameter is."""
         return ()

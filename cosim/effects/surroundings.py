@@ -187,6 +187,10 @@ class JointCoupling(Effect):
         ]
         return tuple((float(j), float(k), w * scene.speed_range(j)[1]) for j in others for k, w in shapes)
 
+    def place(self, joints: Joints, theta: Theta) -> str:
+        other = f" from joint {int(theta[0]) + 1}" if theta[0] >= 0 else ""
+        return f"{super().place(joints, theta)}{other}"
+
     def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (2,) if theta[0] >= 0 and theta[2] > 0 else ()
 

@@ -119,8 +119,6 @@ def test_what_is_wrong_with_a_description_is_named(rig, tmp_path):
         with pytest.raises(InputError, match=words):
             cosim.read(file)
     file = described(tmp_path, columns)
-    with pytest.raises(InputError, match="close-loop"):
-        cosim.close_loop(file)
     description = file.with_suffix(".toml")
     description.write_text(description.read_text().replace("urdf = ", "joint = "), encoding="utf-8")
     with pytest.raises(InputError, match="the URDF of device 'robot'"):

@@ -145,7 +145,7 @@ class SerialDrive(Drive):
 
 
 def _is_coupling(label: Label) -> bool:
-    return label.name in COUPLING and label.index is not None
+    return label.name.startswith("coupling_") and label.index is not None
 
 
 def _pairs(parameters: Iterable[Label]) -> list[int]:

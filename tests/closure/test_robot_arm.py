@@ -19,7 +19,7 @@ from cosim.effects.moving_arm import SerialGeometry
 from cosim.effects.surroundings import pair_number, pair_of
 from cosim.measured.label import Label
 from cosim.report.closure import save
-from tests.support.robot_joints import COULOMB, VISCOUS, hidden
+from tests.support.robot_joints import FRICTION, hidden
 from tests.support.robot_rig import RobotRig
 from tests.support.robot_study import recorded, rig
 
@@ -41,7 +41,7 @@ def test_a_coupling_is_named_between_its_joints(closure):
     assert (found.name, found.joints, found.choice.theta[0]) == ("joint_coupling", (ON,), FROM - 1)
     assert found.level == "law" and not found.aliases
     number = pair_number(7, ON - 1, FROM - 1)
-    true = {"viscous": 0.25 * SIZE * VISCOUS[ON - 1], "coulomb": 0.04 * SIZE * COULOMB[ON - 1]}
+    true = {"viscous": 0.1 * SIZE * FRICTION[ON - 1], "coulomb": 0.04 * SIZE * FRICTION[ON - 1]}
     for name, value in true.items():
         low, high = found.interval[Label(f"coupling_{name}", number)]
         assert low < value < high and high - low < value
@@ -62,7 +62,7 @@ def test_its_fmu_holds_the_coupling(closure, tmp_path):
     starts = {v.name: v.start for v in described.modelVariables}
     assert (int(starts["coupling_on[1]"]), int(starts["coupling_from[1]"])) == (ON, FROM)
     assert int(starts["coupling_on[2]"]) == 0 and "coupling_on[8]" not in starts
-    assert float(starts["coupling_viscous[1]"]) == pytest.approx(0.25 * SIZE * VISCOUS[ON - 1], rel=0.1)
+    assert float(starts["coupling_viscous[1]"]) == pytest.approx(0.1 * SIZE * FRICTION[ON - 1], rel=0.1)
     assert 'model = "SerialArm"' in (tmp_path / "effects.toml").read_text()
     assert "joint_coupling" in (tmp_path / "report.html").read_text()
 

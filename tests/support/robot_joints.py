@@ -19,6 +19,10 @@ JOINTS = 7
 VISCOUS = np.array([1.2, 0.9, 0.8, 0.9, 0.4, 0.5, 0.3])
 COULOMB = np.array([0.8, 0.7, 0.6, 0.7, 0.3, 0.35, 0.25])
 OFFSET = np.array([0.2, -0.3, 0.1, 0.25, -0.1, 0.05, 0.08])
+FRICTION = np.array([0.9, 6.0, 1.4, 4.0, 0.3, 0.4, 0.25])
+"""N m, Coulomb friction of the arm whose effects are looked for: a fifth of the RMS torque of its links (joint 7: as
+`COULOMB`), as of an industrial arm (Staubli TX40: 15 to 30 %). Effects and noise are as large beside it as on the
+three-joint rig."""
 ROTOR = np.array([0.6, 0.6, 0.45, 0.45, 0.2, 0.2, 0.2])
 ELEMENTS = 3  # elasto-plastic elements of a presliding friction
 FINE = 10  # steps of the presliding state within one of the record
@@ -31,14 +35,14 @@ def _joint(value: float = 0.0):
 
 @frozen(eq=False)
 class RigJoints:
-    """Fields (7,) by joint; all effects zero: the complete model with an offset. noise [N m] of every torque; width
+    """Fields (7,) by joint; all effects zero: the complete model with an offset. noise [N m] of every torque, or of each joint's; width
     [rad/s] of tanh in place of the sign of a speed, 0: the sign.
     """
 
     viscous: np.ndarray = Factory(VISCOUS.copy)
     coulomb: np.ndarray = Factory(COULOMB.copy)
     offset: np.ndarray = Factory(OFFSET.copy)
-    noise: float = 0.05
+    noise: np.ndarray | float = 0.05
     width: float = 0.0
     stribeck: np.ndarray = _joint()  # N m above Coulomb at rest
     up: np.ndarray = _joint()  # N m, Coulomb level of positive motion
@@ -144,10 +148,10 @@ def complete(seed: int) -> RigJoints:
     """Nothing hidden; the law and the levels of friction vary with the seed."""
     random = np.random.default_rng((seed, 2))
     return RigJoints(
-        viscous=VISCOUS * random.uniform(0.5, 1.5, JOINTS),
-        coulomb=COULOMB * random.uniform(0.8, 1.2, JOINTS),
+        viscous=FRICTION * random.uniform(0.5, 1.5, JOINTS),
+        coulomb=FRICTION * random.uniform(0.8, 1.2, JOINTS),
         offset=np.zeros(JOINTS),
-        noise=(0.01, 0.02, 0.04)[seed % 3],
+        noise=(0.005, 0.01, 0.02)[seed % 3] * FRICTION,
         width=(0.0, 0.01, 0.05, 0.02)[seed % 4],
     )
 
@@ -168,39 +172,39 @@ def coupled(joint: int, value: float) -> np.ndarray:
 
 # name -> (joint from 1, size) -> fields of RigJoints; sizes beside the joint's friction as on the three-joint rig
 EFFECTS = {
-    "stribeck": lambda j, a: {"stribeck": only(j, 0.15 * a * COULOMB[j - 1])},
+    "stribeck": lambda j, a: {"stribeck": only(j, 0.15 * a * FRICTION[j - 1])},
     "coulomb_asymmetry": lambda j, a: {
-        "up": only(j, 0.04 * a * COULOMB[j - 1]),
-        "down": only(j, -0.04 * a * COULOMB[j - 1]),
+        "up": only(j, 0.04 * a * FRICTION[j - 1]),
+        "down": only(j, -0.04 * a * FRICTION[j - 1]),
     },
-    "viscous_asymmetry": lambda j, a: {"viscous_up": only(j, 0.3 * a * VISCOUS[j - 1])},
-    "torque_offset": lambda j, a: {"offset": only(j, 0.04 * a * COULOMB[j - 1])},
+    "viscous_asymmetry": lambda j, a: {"viscous_up": only(j, 0.3 * a * FRICTION[j - 1])},
+    "torque_offset": lambda j, a: {"offset": only(j, 0.04 * a * FRICTION[j - 1])},
     "load_friction": lambda j, a: {"load": only(j, 0.05 * a)},
     "position_friction": lambda j, a: {"wave": only(j, 0.15 * a)},
-    "position_torque": lambda j, a: {"spring": only(j, 0.2 * a * COULOMB[j - 1])},
-    "torque_ripple": lambda j, a: {"ripple": only(j, 0.04 * a * COULOMB[j - 1])},
-    "hysteresis": lambda j, a: {"presliding": only(j, 0.2 * a * COULOMB[j - 1])},
-    "quadratic_drag": lambda j, a: {"drag": only(j, 0.3 * a * VISCOUS[j - 1])},
-    "actuator_lag": lambda j, a: {"lag": only(j, 3e-3 * a)},
-    "time_delay": lambda j, a: {"delay": only(j, 3e-3 * a)},
-    "torque_deadband": lambda j, a: {"deadband": only(j, 0.1 * a * COULOMB[j - 1])},
-    "joint_elasticity": lambda j, a: {"compliance": only(j, 1e-3 * a)},
+    "position_torque": lambda j, a: {"spring": only(j, 0.2 * a * FRICTION[j - 1])},
+    "torque_ripple": lambda j, a: {"ripple": only(j, 0.04 * a * FRICTION[j - 1])},
+    "hysteresis": lambda j, a: {"presliding": only(j, 0.2 * a * FRICTION[j - 1])},
+    "quadratic_drag": lambda j, a: {"drag": only(j, 0.3 * a * FRICTION[j - 1])},
+    "actuator_lag": lambda j, a: {"lag": only(j, 1e-2 * a)},
+    "time_delay": lambda j, a: {"delay": only(j, 1e-2 * a)},
+    "torque_deadband": lambda j, a: {"deadband": only(j, 0.1 * a * FRICTION[j - 1])},
+    "joint_elasticity": lambda j, a: {"compliance": only(j, 2e-3 / FRICTION[j - 1] * a)},
     "base_tilt": lambda j, a: {"tilt": np.array((0.02, 0.015)) * a},
     "encoder_offset": lambda j, a: {"encoder_offset": only(j, 0.03 * a)},
     "friction_drift": lambda j, a: {"warm_up": only(j, 0.1 * a)},
-    "external_contact": lambda j, a: {"wall": (100.0 * a, 0.85, 0.3 * j)},
+    "external_contact": lambda j, a: {"wall": (300.0 * a, 0.85, 0.3 * j)},
     "joint_coupling": lambda j, a: {
-        "couple_viscous": coupled(j, 0.25 * a * VISCOUS[j - 1]),
-        "couple_coulomb": coupled(j, 0.04 * a * COULOMB[j - 1]),
+        "couple_viscous": coupled(j, 0.1 * a * FRICTION[j - 1]),
+        "couple_coulomb": coupled(j, 0.04 * a * FRICTION[j - 1]),
     },
 }
 OUTSIDE = {
-    "hum": lambda j, a: {"hum": only(j, 0.1 * a * COULOMB[j - 1])},
-    "cross": lambda j, a: {"cross": only(j, 0.15 * a * COULOMB[j - 1])},
+    "hum": lambda j, a: {"hum": only(j, 0.1 * a * FRICTION[j - 1])},
+    "cross": lambda j, a: {"cross": only(j, 0.15 * a * FRICTION[j - 1])},
     "squeeze": lambda j, a: {"squeeze": only(j, 0.15 * a)},
-    "touch": lambda j, a: {"touch": only(j, 0.1 * a * COULOMB[j - 1])},
-    "drag_at_angle": lambda j, a: {"drag_at_angle": only(j, 0.3 * a * VISCOUS[j - 1])},
-    "flywheel": lambda j, a: {"flywheel": only(j, 0.03 * a * ROTOR[j - 1])},
+    "touch": lambda j, a: {"touch": only(j, 0.1 * a * FRICTION[j - 1])},
+    "drag_at_angle": lambda j, a: {"drag_at_angle": only(j, 0.3 * a * FRICTION[j - 1])},
+    "flywheel": lambda j, a: {"flywheel": only(j, 0.05 * a * FRICTION[j - 1])},
 }
 ARM_WIDE = ("base_tilt", "external_contact")
 

@@ -35,8 +35,8 @@ def _joint(value: float = 0.0):
 
 @frozen(eq=False)
 class RigJoints:
-    """Fields (7,) by joint; all effects zero: the complete model with an offset. noise [N m] of every torque, or of each joint's; width
-    [rad/s] of tanh in place of the sign of a speed, 0: the sign.
+    """Fields (7,) by joint; all effects zero: the complete model with an offset. noise [N m] of torques, or of each
+    joint's; width [rad/s] of tanh in place of the sign of a speed, 0: the sign.
     """
 
     viscous: np.ndarray = Factory(VISCOUS.copy)

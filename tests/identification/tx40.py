@@ -1,19 +1,22 @@
 """The Staubli TX40 entered whole as device "robot": all six joints identified together, beside published figures.
 
-    python -m tests.identification.tx40 [FOLDER]
+    python -m tests.identification.tx40 [FOLDER] [--close-loop]
 
-FOLDER holds the full recording (default: shared/data beside the checkout). Its arm is a table of published lengths:
-Craig's Denavit-Hartenberg rows of the TX40 as in M. Gautier, A. Janot, P.-O. Vandanjon, A New Closed-Loop Output Error
-Method for Parameter Identification of Robot Dynamics, IEEE Trans. Control Systems Technology 21(2), 2013. No masses are
-published; those of the table only make M positive definite, and the fit does not look at them.
+With --close-loop also what the six joints together lack (half a minute). FOLDER holds the full recording (default:
+shared/data beside the checkout).
+
+Its arm is a table of published lengths: Craig's Denavit-Hartenberg rows of the TX40 as in M. Gautier, A. Janot, P.-O.
+Vandanjon, A New Closed-Loop Output Error Method for Parameter Identification of Robot Dynamics, IEEE Trans. Control
+Systems Technology 21(2), 2013. No masses are published; those of the table only make M positive definite, and the fit
+does not look at them.
 
 The wrist's motors stay out of what a chain of joints can be: motor 6 turns with q5 + q6, and nearly all of its friction
 follows that sum (published: fvm6, fsm6), which no friction of joint 5 or joint 6 alone does. Their errors say so.
 """
 
+import argparse
 import csv
 import json
-import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,6 +41,7 @@ LENGTHS = (
 PUBLISHED = {"viscous": "fv", "coulomb": "fs", "offset": "offset", "rotor": "Ia"}
 """Our parameters of a joint, and what dataset.json calls them."""
 EVERY = 10  # samples of 5 kHz, behind a low-pass
+EDGE = 25  # rows at either end that the low-pass reaches beyond
 JOINTS = 6
 
 
@@ -74,7 +78,7 @@ def at_the_joints(folder: Path, kinematics: Mapping[str, list[float]]) -> dict[s
     from scipy.signal import decimate
 
     table = np.loadtxt(folder / "tx40_5khz.csv", delimiter=",", skiprows=1)
-    table = np.column_stack([table[::EVERY, 0], decimate(table[:, 1:], EVERY, ftype="fir", axis=0)])
+    table = np.column_stack([table[::EVERY, 0], decimate(table[:, 1:], EVERY, ftype="fir", axis=0)])[EDGE:-EDGE]
     ratio = np.array(kinematics["reduction"])
     q, tau = table[:, 1:7] / ratio, table[:, 7:] * ratio
     q[:, 5] -= q[:, 4]
@@ -99,11 +103,18 @@ def entered(source: Path, folder: Path) -> Path:
     return folder / "tx40.csv"
 
 
-def main(shared: Path = SHARED) -> None:
-    source = shared / "staubli_tx40"
+def main() -> None:
+    """Identify, print beside the published figures, close the loop where that is asked."""
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("folder", type=Path, nargs="?", default=SHARED)
+    words.add_argument("--close-loop", action="store_true")
+    options = words.parse_args()
+    source = options.folder / "staubli_tx40"
     published = json.loads((source / "dataset.json").read_text(encoding="utf-8"))["published"]
     with tempfile.TemporaryDirectory() as name:
-        found = cosim.identify(entered(source, Path(name)))
+        file = entered(source, Path(name))
+        found = cosim.identify(file)
+        closed = cosim.close_loop(file) if options.close_loop else ""
     told = found.to_dict()
     print(found)
     print("held out, RMS% by joint:", ", ".join(f"{value:.3g}" for value in told["rms_percent"]["held_out"]))
@@ -117,7 +128,8 @@ def main(shared: Path = SHARED) -> None:
             ranged = p and f"{p['value']:.3g} ({p['interval'][0]:.3g} to {p['interval'][1]:.3g})"
             cells += [ranged or "grouped", f"{published[theirs][k]:.3g}"]
         print(f"| {k + 1} | {' | '.join(cells)} |")
+    print(closed)
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:2]))
+    main()

@@ -33,9 +33,9 @@ class RobotRig:
         inertias = list(self.plant.model.inertias)[1:]
         return np.concatenate([*(body.toDynamicParameters() for body in inertias), ROTOR])
 
-    def motion(self, seed: int, duration: float = 40.0) -> "RigMotion":
+    def motion(self, random: np.random.Generator, duration: float = 40.0) -> "RigMotion":
         """A motion of eight sinusoids a joint, inside the limits."""
-        random, n = np.random.default_rng(seed), self.model.count
+        n = self.model.count
         frequency = np.geomspace(0.3, 5.0, 8) * random.uniform(0.9, 1.1, (n, 8))
         phase, size = random.uniform(0, 2 * np.pi, (n, 8)), random.uniform(0.5, 1.0, (n, 8)) / np.sqrt(frequency)
         middle, half = (self.model.lower + self.model.upper) / 2, (self.model.upper - self.model.lower) / 2
@@ -76,9 +76,9 @@ class RobotRig:
         self, seed: int, duration: float = 40.0, rate: float = 100.0, joints: RigJoints | None = None
     ) -> dict[str, np.ndarray]:
         """Columns time, q1.., tau1.. of the motion of a seed."""
-        random = np.random.default_rng((seed, 1))
+        random = np.random.default_rng(seed)
         time, joints = np.arange(0.0, duration, 1.0 / rate), joints or RigJoints()
-        q, tau = joints.recorded(self, self.motion(seed, duration), time)
+        q, tau = joints.recorded(self, self.motion(random, duration), time)
         tau = tau + random.normal(0.0, joints.noise, tau.shape)
         q = COUNTS * np.round(q / COUNTS)
         n = self.model.count

@@ -38,6 +38,11 @@ class Drive(ABC):
         """How many joints a table of joints is cut to; None where the FMU has none."""
         return None
 
+    @property
+    def fixed(self) -> StartValues:
+        """Start values that decide which FMU it is."""
+        return {} if self.joints is None else {"joints": self.joints}
+
     def lacks(self, parameters: Iterable[Label]) -> str:
         """Why not all parameters have a place in the FMU; empty where they have."""
         return ""

@@ -290,8 +290,7 @@ def _start(path: _ReplayedRun, drive: Drive) -> dict[str, object]:
     """The recorded start, its velocity the mean over the first rows, and how many joints there are."""
     rows = min(8, len(path.run) - 1)
     speed = (path.run.q[rows] - path.run.q[0]) / (rows * path.run.step)
-    joints = {} if drive.joints is None else {"joints": drive.joints}
-    return {**joints, **drive.start_of(path.run.q[0], speed)}
+    return {**drive.fixed, **drive.start_of(path.run.q[0], speed)}
 
 
 def _controllers(joints: int) -> list[str]:

@@ -126,5 +126,5 @@ def _experiment(drive: Drive, run: Run, folder: Path) -> Scenario:
         Connection(Signal("torque", f"y[{j + 1}]"), Signal("drive", drive.variable("tau", j)))
         for j in range(len(names))
     )
-    parts = {"torque": torque, "drive": Component(model=drive.model)}
+    parts = {"torque": torque, "drive": Component(model=drive.model, parameters=drive.fixed)}
     return Scenario("free simulation", settings, parts, wires, folder=folder)

@@ -54,7 +54,7 @@ def under(loop: SampledLoop, ages: np.ndarray) -> DelayLaw:
     ages = _whole(ages)
     if ages.shape[0] != loop.channels or ages.min() < 0:
         raise InputError(Problem("delay law", f"ages >= 0 for {loop.channels} channels", f"{ages.shape[0]} rows"))
-    values = np.linalg.eigvals(_period_map(loop, ages, int(ages.max())))
+    values = np.linalg.eigvals(period_map(loop, ages, int(ages.max())))
     return DelayLaw(ages, loop.step, complex(values[np.argmax(np.abs(values))]))
 
 
@@ -76,8 +76,8 @@ def sketched(
 
     start: a sketch of a loop like this one, as fine, from which the search begins; else it begins from many laws.
     """
-    together = _together(high)
-    coarse, bounds = _level(loop, together), _bounds(low, high, together)
+    together = coarseness(high)
+    coarse, bounds = coarser(loop, together), _bounds(low, high, together)
     begun = start is not None and round(start.step / loop.step) == together
     best = _tuned(coarse, bounds[1], ways, start, 4) if start and begun else _searched(coarse, bounds[1], ways)
     return _descended(coarse, best, ways, bounds, 4, 8) if best.growth_rate > 0.0 else None
@@ -86,7 +86,7 @@ def sketched(
 def sooner(loop: SampledLoop, ways: tuple[int, ...], low: int, sketch: DelayLaw) -> DelayLaw | None:
     """A sketch of independent ways that makes the loop grow more than a given one of the same bound; None if none."""
     together, most = round(sketch.step / loop.step), int(sketch.ages.max())
-    coarse = _level(loop, together)
+    coarse = coarser(loop, together)
     best = _searched(coarse, most, ways)
     if best.growth_rate <= sketch.growth_rate + _CLEARLY * abs(sketch.growth_rate):
         return None
@@ -104,7 +104,7 @@ def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int
     while together > 1:
         together //= _FACTOR
         law = evolve(law, ages=np.repeat(law.ages, _FACTOR, axis=1) * _FACTOR, step=law.step / _FACTOR)
-        finer = _level(loop, together)
+        finer = coarser(loop, together)
         law = _descended(finer, law, ways, _bounds(low, high, together), 1, 5)
         if again:
             other = _searched(finer, max(int(law.ages.max()) - 1, 1), ways)
@@ -119,16 +119,12 @@ def _bounds(low: int, high: int, together: int) -> tuple[int, int]:
     return max(low // together - 1, 1), -(-high // together) + 1
 
 
-def _together(high: int) -> int:
+def coarseness(high: int) -> int:
     """Steps taken together in the first search, a power of _FACTOR."""
     together = 1
     while high > _FEW * together:
         together *= _FACTOR
     return together
-
-
-def _level(loop: SampledLoop, together: int) -> SampledLoop:
-    return coarser(loop, together) if together > 1 else loop
 
 
 def _descended(
@@ -172,10 +168,10 @@ def _rate(law: DelayLaw) -> float:
 
 def _tuned(loop: SampledLoop, most: int, ways: tuple[int, ...], start: DelayLaw, change: int) -> DelayLaw:
     """The law for a bound, from one for another bound; the period climbs by smaller and smaller changes [steps]."""
-    best = _improved(loop, most, ways, _fitted(start.ages, start.ages.shape[1], most))
+    best = _improved(loop, most, ways, fitted(start.ages, start.ages.shape[1], most))
     while change >= 1:
         period = best.ages.shape[1]
-        others = [_improved(loop, most, ways, _fitted(best.ages, period + sign * change, most)) for sign in (-1, 1)]
+        others = [_improved(loop, most, ways, fitted(best.ages, period + sign * change, most)) for sign in (-1, 1)]
         other = max(others, key=_rate)
         if other.growth_rate > best.growth_rate:
             best = other
@@ -186,6 +182,8 @@ def _tuned(loop: SampledLoop, most: int, ways: tuple[int, ...], start: DelayLaw,
 
 def coarser(loop: SampledLoop, together: int) -> SampledLoop:
     """The loop over several steps at once, the difference w that the delay makes held meanwhile."""
+    if together == 1:
+        return loop
     n = len(loop.transition)
     power, summed = np.eye(n), np.zeros((n, n))
     moved, moved_now = np.zeros_like(loop.moved), np.zeros_like(loop.moved_now)
@@ -195,7 +193,7 @@ def coarser(loop: SampledLoop, together: int) -> SampledLoop:
     return SampledLoop(power, summed @ loop.drive, moved, moved_now, loop.step * together)
 
 
-def _fitted(ages: np.ndarray, period: int, most: int) -> np.ndarray:
+def fitted(ages: np.ndarray, period: int, most: int) -> np.ndarray:
     """A law stretched to another period and bound."""
     at = np.arange(period) * ages.shape[1] // period
     return np.rint(ages[:, at] * (most / ages.max())).astype(int)
@@ -207,20 +205,20 @@ def _improved(
     """Policy iteration: at each step the age that most helps the growing motion, by the adjoint of the period map."""
     best, size, idle = ages, 0.0, 0
     for _ in range(turns):
-        period_map = _period_map(loop, ages, most)
-        motion, gain = _grown(period_map)
+        mapped = period_map(loop, ages, most)
+        motion, gain = grown(mapped)
         if gain > size * (1.0 + 1e-6):
             best, size, idle = ages, gain, 0
         else:
             idle += 1
         if idle > 1:
             break
-        goal = _grown(period_map.T)[0]  # d lambda = goal dM motion / (goal motion)
-        ages = _better(loop, most, ways, ages, motion, goal * np.sign(goal @ period_map @ motion))
+        goal = grown(mapped.T)[0]  # d lambda = goal dM motion / (goal motion)
+        ages = _better(loop, most, ways, ages, motion, goal * np.sign(goal @ mapped @ motion))
     return DelayLaw(best, loop.step, complex(size))
 
 
-def _grown(matrix: np.ndarray, turns: int = 60) -> tuple[np.ndarray, float]:
+def grown(matrix: np.ndarray, turns: int = 60) -> tuple[np.ndarray, float]:
     """The direction that a matrix makes grow most, and the modulus of its eigenvalue, by powers of it.
 
     The eigenvalue, or the complex pair, is read off three successive vectors: M^2 v = a M v + b v.
@@ -234,7 +232,7 @@ def _grown(matrix: np.ndarray, turns: int = 60) -> tuple[np.ndarray, float]:
     return v, float(np.abs(np.roots([1.0, -a, -b])).max())
 
 
-def _period_map(loop: SampledLoop, ages: np.ndarray, most: int) -> np.ndarray:
+def period_map(loop: SampledLoop, ages: np.ndarray, most: int) -> np.ndarray:
     """The linear map of (s, x[k-1] - x[k], .., x[k-most] - x[k] of each channel) over the law's period."""
     n, p, period = len(loop.transition), loop.channels, ages.shape[1]
     size = n + p * most

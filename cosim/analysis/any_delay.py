@@ -5,22 +5,33 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.analysis.adversary import DelayLaw, refined, sketched, sooner, under
+from cosim.analysis.adversary import DelayLaw, fitted, refined, sketched, sooner, under
 from cosim.analysis.certificate import Certificate
 from cosim.analysis.delay_grid import uniform_grid
 from cosim.analysis.multiplier import certify
 from cosim.analysis.parting import LoopPart
 from cosim.analysis.proof import proven
 from cosim.analysis.sampled_loop import SampledLoop
+from cosim.analysis.slow_laws import slow_law
 from cosim.errors import InputError
 
 CLASS = "each way any delay between 0 and T, at any speed; the ways independent of one another"
 EQUAL = "the same delay in every way, between 0 and T, at any speed"
+
+
+def laws(slope: float | None, equal: bool = False) -> str:
+    """The class of delay laws, in words; slope: seconds a second by which a delay changes at most."""
+    said = EQUAL if equal else CLASS
+    return said if slope is None else said.replace("at any speed", f"changing by at most {slope:g} s a second")
+
+
 INTERVALS = 8
 LIFTS: tuple[dict[int, int], ...] = ({}, {4: 1})
 """Knots of the delay, and the earlier moment that is looked at too, cheap ones first: what two cores solve in seconds
 (ANY_DELAY.md).
 """
+SLOW_LIFTS: tuple[dict[int, int], ...] = ({4: 1}, {2: 1})
+"""The same where the slope of the delay is bounded: the earlier moment says most where the law has hardly changed."""
 BELOW = (0.022, 0.03, 0.038, 0.048, 0.065, 0.1, 0.15, 0.22, 0.32, 0.45, 0.65)
 """Parts by which a certificate is asked below the destroying law, one after another until one is proven."""
 Say = Callable[[str], None]
@@ -52,6 +63,7 @@ class Destroyer:
 class TwoSided:
     """What holds for every delay law from 0 to T, and what some law does, for the linear loop.
 
+    slope: seconds a second by which the laws change at most; None: at any speed.
     `certificates` prove stability, one for each part of the loop (empty where none was found, `unproven` says why);
     `destroyers` make it grow: one of independent ways, one of equal ways, where the search found them.
     """
@@ -59,6 +71,7 @@ class TwoSided:
     certificates: tuple[Certificate, ...] = field(converter=tuple)
     unproven: str
     destroyers: Mapping[str, Destroyer]
+    slope: float | None = None
 
     @property
     def destroyer(self) -> Destroyer | None:
@@ -66,21 +79,21 @@ class TwoSided:
         return min(self.destroyers.values(), key=lambda d: d.max_delay, default=None)
 
 
-def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say) -> TwoSided:
+def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say, slope: float | None = None) -> TwoSided:
     """The verdict on a loop of these parts, destroying laws searched between low and high [steps].
 
-    say: is told what is being done.
+    say: is told what is being done; slope: seconds a second by which the laws change at most; None: at any speed.
     """
     say("searching a delay law that destroys")
-    found = _destroyers(parts, low, high)
+    found = _destroyers(parts, low, high) if slope is None else _slow_destroyers(parts, low, high, slope)
     first = min(found.values(), key=lambda d: d.max_delay, default=None)
     most = high if first is None else int(first.law.ages.max())
     try:
-        held = _certificates(parts, most, 0 if first is None else first.part, say)
+        held = _certificates(parts, most, 0 if first is None else first.part, say, slope)
     except InputError as error:  # a package of the extra is missing
-        return TwoSided((), "; ".join(str(problem) for problem in error.problems), found)
+        return TwoSided((), "; ".join(str(problem) for problem in error.problems), found, slope)
     why = "" if held else "no certificate of this kind was found; nothing follows from that"
-    return TwoSided(held, why, found)
+    return TwoSided(held, why, found, slope)
 
 
 def certified(parts: Sequence[LoopPart], most: int) -> bool:
@@ -103,6 +116,21 @@ def _destroyers(parts: Sequence[LoopPart], low: int, high: int) -> dict[str, Des
     law = min((d for d in found.values() if d is not None), key=lambda d: d.max_delay, default=None)
     found[CLASS] = law
     return {kind: destroyer for kind, destroyer in found.items() if destroyer is not None}
+
+
+def _slow_destroyers(parts: Sequence[LoopPart], low: int, high: int, slope: float) -> dict[str, Destroyer]:
+    """Of the laws that change by so much a step at most; those of the part that is destroyed first."""
+    found: dict[str, Destroyer] = {}
+    for kind in (EQUAL, CLASS):
+        least = high
+        for number, part in enumerate(parts):
+            ways = tuple(0 for _ in part.owner) if kind == EQUAL else part.owner
+            law = slow_law(part.loop, ways, slope, low, least)
+            if law is not None and (kind not in found or law.max_delay < found[kind].max_delay):
+                found[kind], least = Destroyer(law, number, part.owner), int(law.ages.max())
+    if EQUAL in found and (CLASS not in found or found[EQUAL].max_delay < found[CLASS].max_delay):
+        found[CLASS] = found[EQUAL]  # equal laws are independent ones too
+    return found
 
 
 @frozen
@@ -142,13 +170,15 @@ def _refined(parts: Sequence[LoopPart], sketch: _Sketch, low: int, high: int) ->
     return None if law is None else Destroyer(law, sketch.part, part.owner)
 
 
-def widened(destroyer: Destroyer, loop: SampledLoop, more: int) -> Destroyer:
-    """The same law stretched by some steps of delay, so that it grows faster."""
+def widened(destroyer: Destroyer, loop: SampledLoop, more: int, slope: float | None = None) -> Destroyer:
+    """The same law stretched by some steps of delay, so that it grows faster; in time too where its slope is bound."""
     ages = destroyer.law.ages
-    return evolve(destroyer, law=under(loop, np.rint(ages * ((ages.max() + more) / ages.max())).astype(int)))
+    most, period = int(ages.max()) + more, ages.shape[1]
+    longer = period if slope is None else -(-period * most // int(ages.max()))
+    return evolve(destroyer, law=under(loop, fitted(ages, longer, most)))
 
 
-def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say) -> list[Certificate]:
+def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say, slope: float | None) -> list[Certificate]:
     """Proven certificates of all parts for one bound below `most` [steps]; empty where one has none.
 
     first: the part that is destroyed first, which mostly limits the certificate.
@@ -160,7 +190,7 @@ def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say) ->
         say(f"proving that no law up to {bound * parts[0].loop.step:.4g} s destroys")
         found: list[Certificate] = []
         for group in groups:
-            held = _proven(group, bound)
+            held = _proven(group, bound, LIFTS if slope is None else SLOW_LIFTS, slope)
             if not held:
                 break
             found += held
@@ -169,10 +199,12 @@ def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say) ->
     return []
 
 
-def _proven(group: list[LoopPart], most: int, moments: Sequence[dict[int, int]] = LIFTS) -> list[Certificate]:
+def _proven(
+    group: list[LoopPart], most: int, moments: Sequence[dict[int, int]] = LIFTS, slope: float | None = None
+) -> list[Certificate]:
     """Certificates of loops that share their multipliers; empty where there are none."""
     for lifts in moments if most >= 1 else ():
-        grid = uniform_grid(most, min(INTERVALS, most), lifts)
+        grid = uniform_grid(most, min(INTERVALS, most), lifts, slope)
         found = certify([part.loop for part in group], grid, group[0].owner)
         if found is not None and all(proven(certificate).holds for certificate in found):
             return found

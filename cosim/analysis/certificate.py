@@ -73,6 +73,7 @@ class Certificate:
                 "moved": loop.moved.tolist(),
                 "moved_now": loop.moved_now.tolist(),
             },
+            "slope": self.grid.slope,
             "lifts": list(self.grid.lifts),
             "knots": [list(row) for row in self.grid.knots],
             "uses": list(self.uses),
@@ -85,7 +86,7 @@ def certificate_of(data: dict[str, Any], where: str = "certificate") -> Certific
     try:
         return Certificate(
             SampledLoop(**data["loop"]),
-            DelayGrid(data["lifts"], data["knots"]),
+            DelayGrid(data["lifts"], data["knots"], data["slope"]),
             [Multiplier(**m) for m in data["multipliers"]],
             data["uses"],
         )

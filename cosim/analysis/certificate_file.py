@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from attrs import field, frozen
 
-from cosim.analysis.any_delay import CLASS
+from cosim.analysis.any_delay import laws
 from cosim.analysis.certificate import Certificate, certificate_of
 from cosim.analysis.opened import OpenedLoop
 from cosim.analysis.parting import LoopPart, joined_apart
@@ -22,7 +22,7 @@ from cosim.results.provenance import versions
 from cosim.results.saving import write_json
 from cosim.scenario import Scenario
 
-FORMAT = "haptic-cosim stability certificate 2"
+FORMAT = "haptic-cosim stability certificate 3"
 SAME = 1e-6
 """Part of its response by which a scenario's loop may differ from that of a file: what differences of FMUs are right
 to.
@@ -65,8 +65,14 @@ class ProvenSystem:
         """What the file claims, in words."""
         return (
             f"the sampled linear loop of {self.scenario} is exponentially stable for every delay law from 0 to "
-            f"{self.certified:.9g} s: {CLASS}"
+            f"{self.certified:.9g} s: {self.laws}"
         )
+
+    @property
+    def laws(self) -> str:
+        """The class of laws, in words; of different classes, the narrowest."""
+        slopes = [c.grid.slope for c in self.certificates if c.grid.slope is not None]
+        return laws(min(slopes, default=None))
 
     def differs_from(self, loop: OpenedLoop) -> float:
         """Greatest part of the response by which a scenario's loop differs from the one proven; inf for other
@@ -87,7 +93,7 @@ def save_certificate(system: ProvenSystem, path: Path) -> Path:
     content: dict[str, Any] = {
         "format": FORMAT,
         "claim": system.claim,
-        "class": CLASS,
+        "class": system.laws,
         "scenario": system.scenario,
         "channels": {name: list(signals) for name, signals in system.channels.items()},
         "loops": loops,
@@ -131,7 +137,7 @@ def _read(content: dict[str, Any], where: str) -> ProvenSystem:
     ]
     if not parts or problems:
         raise InputError(problems or Problem(where, "a loop", "none", _ADVICE))
-    for key, said in (("class", CLASS), ("claim", system.claim)):
+    for key, said in (("class", system.laws), ("claim", system.claim)):
         if content[key] != said:
             raise InputError(Problem(f"{where}: {key}", repr(said), repr(content[key]), _ADVICE))
     return system

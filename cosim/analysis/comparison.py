@@ -84,9 +84,12 @@ class Comparison:
 
     @property
     def any_law(self) -> bool:
-        """Whether a certificate for every delay law covers the delays."""
-        certified = self.any_delay.certified if self.any_delay else None
-        return certified is not None and max(self.theory.longest) <= certified
+        """Whether a certificate covers the delays: one for laws at any speed, or a constant delay."""
+        found = self.any_delay
+        if found is None or found.certified is None:
+            return False
+        covered = self.theory.constant or (found.found is not None and found.found.slope is None)
+        return covered and max(self.theory.longest) <= found.certified
 
     @property
     def contradiction(self) -> str:

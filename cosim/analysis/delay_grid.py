@@ -25,10 +25,13 @@ class DelayGrid:
     With y_j[k] = x[k - p_j] - x[k] over the points p_j = all lift + knot (but 0), what a law makes of x at a lift is
     x[k - lift - d] - x[k - lift]. With d at a knot that is one y less another; between two knots it is a mean of both
     plus a rest r, and the rest is small because it is the distance of x from its chord.
+
+    slope: steps by which a delay changes in a step, at most, rounding to whole steps apart; None for any change.
     """
 
     lifts: tuple[int, ...] = field(converter=_steps)
     knots: tuple[tuple[int, ...], ...] = field(converter=_knots)
+    slope: float | None = None
 
     def __attrs_post_init__(self) -> None:
         problems = [
@@ -40,6 +43,8 @@ class DelayGrid:
             problems.append(
                 Problem("knots of a delay grid", "a row a lift, each up to the same bound", str(self.knots))
             )
+        if self.slope is not None and not 0.0 <= self.slope < np.inf:
+            problems.append(Problem("slope of a delay grid", "a number >= 0, or None", str(self.slope)))
         if problems:
             raise InputError(problems)
 
@@ -59,8 +64,28 @@ class DelayGrid:
         return [np.array([unit[lift + k] - unit[lift] for k in row]) for lift, row in zip(self.lifts, self.knots)]
 
     def vertices(self) -> Iterator[np.ndarray]:
-        """Every choice of one knot a lift, as a matrix (lifts, points)."""
-        return (np.array(choice) for choice in itertools.product(*self.rows()))
+        """Every choice of one knot a lift that some law may be near, as a matrix (lifts, points).
+
+        A law that changes little is at k and at k - lift in segments that are not far apart; the knots are those that
+        bound such segments.
+        """
+        rows = self.rows()
+        return (np.array([row[i] for row, i in zip(rows, choice)]) for choice in self._choices())
+
+    def _choices(self) -> list[tuple[int, ...]]:
+        segments = itertools.product(*(range(len(row) - 1) for row in self.knots))
+        within = [cell for cell in segments if self._near(cell)]
+        return sorted({choice for cell in within for choice in itertools.product(*((i, i + 1) for i in cell))})
+
+    def _near(self, cell: tuple[int, ...]) -> bool:
+        """Whether a law can be in these segments, one a lift."""
+        if self.slope is None:
+            return True
+        ends = [(lift, row[i], row[i + 1]) for lift, row, i in zip(self.lifts, self.knots, cell)]
+        return all(
+            max(low - other_high, other_low - high) <= self.slope * abs(lift - other) + 1.0
+            for (lift, low, high), (other, other_low, other_high) in itertools.combinations(ends, 2)
+        )
 
     def rests(self) -> list[Fraction]:
         """For each lift R with sum_k r[k]^2 <= R sum_k (x[k+1] - 2 x[k] + x[k-1])^2 for every law.
@@ -80,7 +105,9 @@ def _chord(length: int) -> Fraction:
     return Fraction(most, length**2)
 
 
-def uniform_grid(most: int, intervals: int, lifts: dict[int, int] | None = None) -> DelayGrid:
+def uniform_grid(
+    most: int, intervals: int, lifts: dict[int, int] | None = None, slope: float | None = None
+) -> DelayGrid:
     """Ages 0..most [steps] in that many intervals, the last one the shortest.
 
     `lifts`: earlier moments, counted in intervals, each with the number of intervals that lie between its knots; {6: 2}
@@ -89,5 +116,7 @@ def uniform_grid(most: int, intervals: int, lifts: dict[int, int] | None = None)
     width = -(-most // intervals)
     strides = {0: 1, **(lifts or {})}
     return DelayGrid(
-        [lift * width for lift in strides], [[*range(0, most, stride * width), most] for stride in strides.values()]
+        [lift * width for lift in strides],
+        [[*range(0, most, stride * width), most] for stride in strides.values()],
+        slope,
     )

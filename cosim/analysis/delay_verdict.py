@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.analysis.any_delay import CLASS, EQUAL, Destroyer, Say, TwoSided, certified, two_sided, widened
+from cosim.analysis.any_delay import CLASS, EQUAL, Destroyer, Say, TwoSided, certified, laws, two_sided, widened
 from cosim.analysis.assessment import boundary as constant_boundary
 from cosim.analysis.at_rest import at_rest, bent
 from cosim.analysis.certificate_file import ProvenSystem
@@ -114,9 +114,10 @@ class AnyDelay:
     def to_dict(self) -> dict[str, object]:
         """`any_delay` of stability.json."""
         kinds = {"independent": CLASS, "equal": EQUAL}
-        found = self.found.destroyers if self.found else {}
+        found, slope = (self.found.destroyers, self.found.slope) if self.found else ({}, None)
         return {
-            "class": CLASS,
+            "class": laws(slope),
+            "slope": slope,
             "certificate": number(self.certified),
             "destroying": number(self.destroyed_at),
             "gap_percent": number(self.gap_percent),
@@ -159,8 +160,11 @@ def any_delay(
     boundary: float | None = None,
     say: Say = lambda text: None,
     progress: Callable[[RunProgress], None] | None = None,
+    slope: float | None = None,
 ) -> AnyDelay:
     """The verdict on a scenario with at least one channel.
+
+    slope: seconds a second by which the delays change at most; None: at any speed.
 
     boundary: largest constant delay each way [s], which no destroying law of the smallest bound exceeds; None where it
     is not known. say: is told what is being done; progress: see `cosim.run`. Raises RunError.
@@ -172,7 +176,7 @@ def any_delay(
         why = f"the linear loop is not the whole of it: {open_.bent}" if open_.loop else open_.why
         return AnyDelay(None, None, None, None, dict.fromkeys(("certificate", "destroying"), why), boundary, 0.0)
     parts = parted(open_.loop)
-    found = two_sided(parts, *_bounds(parts, boundary), say)
+    found = two_sided(parts, *_bounds(parts, boundary), say, slope)
     withheld = {} if found.certificates else {"certificate": found.unproven}
     proven = ProvenSystem.of(scenario, open_.loop, parts, found.certificates)
     destroyer, replay = _played(scenario, system, proven, found, say, progress)
@@ -225,7 +229,7 @@ def _played(
         if replay.grows or replay.why:
             break
         more = max(round(0.002 * 2**turn * destroyer.law.ages.max()), 1)
-        destroyer = widened(destroyer, proven.parts[destroyer.part].loop, more)
+        destroyer = widened(destroyer, proven.parts[destroyer.part].loop, more, found.slope)
     return (destroyer if replay and replay.grows else None), replay
 
 

@@ -163,6 +163,8 @@ class _Programme:
         self.conditions: list[Any] = [self.margin <= 1.0, self.rests <= 1e3]
         for form in self.forms:
             self.conditions += [form <= 1.0, form >= -1.0, cp.diag(form)[:lifts] <= 0.0]
+            if grid.slope is not None:  # not every choice is a vertex, so concave in all laws at once
+                self.conditions.append(form[:lifts, :lifts] + _DEMANDED * self.margin * np.eye(lifts) << 0)
         self.asked: set[tuple[int, int]] = set()
         for g in range(groups):
             self._demand(g, range(0, len(self.wholes), max(len(self.wholes) // _VERTICES, 1)))

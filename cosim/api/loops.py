@@ -38,6 +38,7 @@ def stability(
     *,
     pose: Sequence[float] | None = None,
     any_delay: bool = False,
+    delay_slope: float | None = None,
     falsify: int = 0,
     harm: str = "growth",
     progress: Callable[[RunProgress], None] | None = None,
@@ -46,18 +47,21 @@ def stability(
     """Criteria, the exact spectrum, margins and a simulated growth rate of a scenario's loop.
 
     pose: joint angles (q1, q2, q3) [rad] of both arms (default: the scenario's start); any_delay: also the two-sided
-    verdict for every delay law, which takes minutes; falsify: runs in which the worst delays, hand and losses within
+    verdict for every delay law, which takes a minute; delay_slope: of the laws that change by so many seconds a second
+    at most (default: at any speed); falsify: runs in which the worst delays, hand and losses within
     the scenario's bounds are sought, by their `harm`: "growth", "error" or "force"; progress: see `cosim.run`; say: is
     told what is being done.
     Raises InputError where the scenario does not fit its FMUs, RunError where an FMU fails.
     """
+    if delay_slope is not None and not (any_delay and 0.0 <= delay_slope < np.inf):
+        raise InputError(Problem("delay_slope", "a number >= 0, with any_delay", repr(delay_slope)))
     chosen = at_pose(loaded(scenario), pose)
     with open_system(chosen) as system:
         found, loop = compare(chosen, system, progress)
         if any_delay:
             from cosim.analysis.delay_verdict import any_delay as verdict
 
-            said = verdict(chosen, system, found.max_delay, say or (lambda text: None), progress)
+            said = verdict(chosen, system, found.max_delay, say or (lambda text: None), progress, delay_slope)
             found = evolve(found, any_delay=said)
         if falsify:
             from cosim.analysis.falsification import falsify as search

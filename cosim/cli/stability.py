@@ -22,6 +22,10 @@ def command(
         bool,
         typer.Option("--any-delay", help="also: proven for every delay law up to T, and a law that destroys (minutes)"),
     ] = False,
+    delay_slope: Annotated[
+        float | None,
+        typer.Option(metavar="RATE", min=0.0, help="with --any-delay: laws that change by so many s a second at most"),
+    ] = None,
     falsify: Annotated[
         int, typer.Option(metavar="N", min=0, help="search the worst delays, hand and losses within bounds in N runs")
     ] = 0,
@@ -46,7 +50,14 @@ def command(
     folder = made(out or named(f"{chosen.name}-stability"))
     with RunMeter(chosen.name) as progress:
         found = cosim.stability(
-            chosen, pose=angles, any_delay=any_delay, falsify=falsify, harm=harm, progress=progress, say=say
+            chosen,
+            pose=angles,
+            any_delay=any_delay,
+            delay_slope=delay_slope,
+            falsify=falsify,
+            harm=harm,
+            progress=progress,
+            say=say,
         )
     found.save(folder, report=report)
     print(f"{found}\nwritten to {folder}")

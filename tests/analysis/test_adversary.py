@@ -6,6 +6,7 @@ import pytest
 from cosim.analysis.adversary import DelayLaw, coarser, destroying_law, under
 from cosim.analysis.criteria import closed_form
 from cosim.analysis.sampled_loop import SampledLoop
+from cosim.analysis.slow_laws import slow_law
 from cosim.errors import InputError
 from tests.support.tip_loops import TipSide, axis_loop, difference_loop
 
@@ -75,6 +76,22 @@ def test_search_finds_the_held_peak():
     assert abs(law.ages.max() - round(by_hand / STEP)) <= 1
     assert law.max_delay < closed_form(tip.mass, tip.stiffness, tip.damping) - STEP
     assert grown(loop, law, 100) == pytest.approx(law.growth_rate, abs=1e-5)  # other modes have died out by then
+
+
+def test_a_slow_law_stays_within_its_slope_and_comes_no_later_than_a_constant_delay():
+    """51 g, steps of 4 ms: the law found changes by its slope at most, grows, and its bound is that of a constant delay
+    at the latest.
+    """
+    tip, step = side(0.051), 0.004
+    loop = difference_loop(tip, step)
+    constant = int(np.ceil(closed_form(tip.mass, tip.stiffness, tip.damping) / step))
+    for slope in (0.05, 0.9):
+        law = slow_law(loop, (0,), slope, 80, constant + 2)
+        assert law is not None and law.growth_rate > 0.0 and law.ages.max() <= constant
+        twice = np.tile(law.ages[0], 3)
+        for k in range(1, law.ages.shape[1]):
+            assert np.abs(twice[k:] - twice[:-k]).max() <= slope * k + 1.0 + 1e-9
+    assert slow_law(loop, (0,), 0.05, 80, 89) is None
 
 
 def test_nothing_destroys_a_loop_below_the_delay_sum():

@@ -160,6 +160,25 @@ def test_the_destroying_scenario_runs_as_it_is(folder):
     np.testing.assert_allclose(result["channel_lr.delay_now"][1:], table[steps % len(table), 1], atol=1e-9)
 
 
+def test_laws_of_a_bounded_slope_are_a_class_of_their_own(tmp_path):
+    words = [w for k, v in (COARSE | {"arm_*.parameter_set": "GCW"}).items() for w in ("--set", f"{k}={v}")]
+    ask = ["--any-delay", "--delay-slope", "0.1", "--no-report", "--out", tmp_path]
+    done = invoke("stability", "eq10-counterexample", *words, *ask)
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "stability.json").read_text())["any_delay"]
+    assert found["slope"] == 0.1 and "changing by at most 0.1 s a second" in found["class"]
+    assert found["certificate"] < found["destroying"] <= found["constant_delay"] + STEP
+    checked = invoke("verify", tmp_path / "certificate.json")
+    assert checked.exit_code == 0 and "changing by at most 0.1 s a second" in checked.stdout
+    assert invoke("stability", "eq10-counterexample", *words, "--delay-slope", "0.1").exit_code == 2
+
+    def any_speed(content):
+        for loop in content["loops"]:
+            loop["slope"] = None
+
+    assert invoke("verify", falsified(tmp_path, any_speed, tmp_path / "wrong.json")).exit_code == 2
+
+
 @pytest.mark.slow
 def test_the_certificate_is_checked_and_is_that_of_its_scenario(folder):
     words = [w for k, v in (COARSE | {"arm_*.parameter_set": "GCW"}).items() for w in ("--set", f"{k}={v}")]

@@ -142,6 +142,38 @@ def test_no_certificate_beyond_the_boundary_of_constant_delays():
     assert certify([difference_loop(heavy, STEP)], uniform_grid(392, 8)) is None
 
 
+def test_a_law_that_changes_slowly_is_always_between_the_knots_that_are_looked_at():
+    """Random laws, rounded to whole steps: both ages lie in segments whose corners are among the choices."""
+    rng = np.random.default_rng(4)
+    for slope in (0.05, 0.4, 1.5):
+        grid = uniform_grid(100, 5, {2: 1}, slope)
+        choices = set(grid._choices())
+        assert len(choices) < 36 if slope < 1.0 else len(choices) <= 36
+        for _ in range(20):
+            law, pace = [float(rng.integers(0, 101))], 0.0
+            for _ in range(400):
+                pace = slope * float(rng.choice([-1.0, 1.0])) if rng.integers(40) == 0 else pace
+                law.append(float(np.clip(law[-1] + pace, 0.0, 100.0)))
+            ages = np.rint(law).astype(int)
+            for k in range(grid.lifts[1], len(ages)):
+                cell = [min(int(ages[k - lift]) // 20, 4) for lift in grid.lifts]
+                assert {(cell[0] + i, cell[1] + j) for i in (0, 1) for j in (0, 1)} <= choices
+    assert len(uniform_grid(100, 5, {2: 1})._choices()) == 36
+
+
+def test_laws_that_change_slowly_are_proven_where_any_law_is_not():
+    """51 g, 0.428 s: at any speed there is no certificate of this family, at 0.1 s a second there is."""
+    from cosim.analysis.multiplier import certify
+
+    loop = difference_loop(SIDE, 0.004)
+    found = certify([loop], uniform_grid(107, 8, {4: 1}, 0.1))
+    assert found is not None and proven(found[0]).holds
+    assert certify([loop], uniform_grid(107, 8, {4: 1})) is None
+    any_speed = attrs.evolve(found[0], grid=attrs.evolve(found[0].grid, slope=None))
+    assert not proven(any_speed).holds
+    assert certificate_of(json.loads(json.dumps(found[0].to_dict()))) == found[0]
+
+
 def test_bad_grids_name_every_problem():
     with pytest.raises(InputError) as error:
         DelayGrid([0, 5, 3], [[0, 4], [0, 4, 4], [0, 5]])

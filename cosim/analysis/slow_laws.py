@@ -16,7 +16,7 @@ _FACTOR = 3
 
 
 @frozen
-class _Family:
+class _SlowFamily:
     """Laws on a loop of some step, each a place in the unit cube: depth of the swing, how the free time is shared out
     (its length; rise, top, fall, bottom), and how far each further way is behind.
     """
@@ -78,7 +78,7 @@ def slow_law(loop: SampledLoop, ways: tuple[int, ...], slope: float, low: int, h
     if slope <= 0.0:
         return None
     together = coarseness(high)
-    family = _Family(coarser(loop, together), ways, slope)
+    family = _SlowFamily(coarser(loop, together), ways, slope)
     places = [np.zeros(family.size), *np.random.default_rng(1).uniform(size=(_STARTS, family.size))]
     most, looks = -(-high // together), _LOOKS
     while True:
@@ -89,5 +89,5 @@ def slow_law(loop: SampledLoop, ways: tuple[int, ...], slope: float, low: int, h
             law = under(loop, family.ages(best, most))
             return law if law.growth_rate > 0.0 else None
         together //= _FACTOR
-        family, places, looks = _Family(coarser(loop, together), ways, slope), [best], _LOOKS_FINER
+        family, places, looks = _SlowFamily(coarser(loop, together), ways, slope), [best], _LOOKS_FINER
         most = min(most * _FACTOR + 1, -(-high // together))

@@ -12,6 +12,10 @@ from tests.support.browser import chromium as browsing
 from tests.support.needs import NEEDS, chromium, expected, require
 from tests.support.paths import CASES, SHARED
 
+os.environ.setdefault(
+    "OMP_NUM_THREADS", "1"
+)  # workers share the cores: threads of linear algebra would wait for each other
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jobs: what Ctrl-C does is tested there too
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

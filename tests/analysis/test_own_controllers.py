@@ -86,6 +86,18 @@ def test_a_step_of_age_is_found_and_named_and_the_growth_agrees():
     assert said["prediction"]["error"] < 0.01
 
 
+def test_with_access_to_its_state_the_boundary_is_that_of_the_co_simulation():
+    """Half a percent of delay below it small disturbances die out in the FMUs, half a percent above they grow."""
+    memory = {"controller_*.keep": 0.5, "controller_*.late": 3}
+    known = own_loop(remembering_controller(), {"channel_*.delay_mean": 0.2, "experiment.stop": 3.0} | memory)
+    boundary = cosim.stability(known).to_dict()["spectrum"]["max_delay"]
+    rates = [
+        cosim.run(known.with_values({"channel_*.delay_mean": part * boundary, "experiment.stop": 60.0})).growth_rate
+        for part in (0.995, 1.005)
+    ]
+    assert rates[0] < -1e-3 and rates[1] > 1e-3
+
+
 def test_without_access_to_its_state_only_simulation_counts(tmp_path):
     fmu = without(remembering_controller(), tmp_path, "canGetAndSetFMUstate")
     said = cosim.stability(own_loop(fmu, {"channel_*.delay_mean": 0.2} | MEMORY)).to_dict()

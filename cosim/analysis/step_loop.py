@@ -20,6 +20,8 @@ _NEUTRAL = 1e-6
 """Roots [1/s] nearer to zero than this are those of free motion."""
 _SOUGHT = 24
 """Eigenvalues sought round z = 1."""
+_RESTARTS = 200
+"""Of the search for the largest eigenvalues; where it converges, it does within some tens."""
 _FAST = 0.5
 """Growth [1/s] beyond that of the roots found round z = 1 that asks for a search elsewhere."""
 _ITERATIONS, _DOUBLED = 512, 4
@@ -70,9 +72,9 @@ def _eigenvalues(matrix: Sparse, period: float) -> np.ndarray:
     if _iterated(matrix, start) <= float(np.log(np.abs(slow).max())) + _FAST * period:
         return slow
     try:
-        fast = eigs(matrix, k=6, which="LM", v0=start, return_eigenvectors=False)
-    except ArpackNoConvergence as error:
-        fast = error.eigenvalues
+        fast = eigs(matrix, k=6, which="LM", v0=start, maxiter=_RESTARTS, return_eigenvectors=False)
+    except ArpackNoConvergence as error:  # rings of delays have many eigenvalues of one size
+        fast = error.eigenvalues if len(error.eigenvalues) else np.linalg.eigvals(matrix.toarray())
     return np.concatenate([slow, fast])
 
 

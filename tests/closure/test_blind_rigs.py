@@ -5,6 +5,7 @@ The studies with many seeds are `python -m tests.support.rig.study ...`; their r
 """
 
 import json
+from collections.abc import Iterable, Mapping
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +22,7 @@ from tests.support.rig.study import experiment
 from tests.support.rig.trial import TrialOutcome, judge
 
 SIZE = 4.0
-pytestmark = pytest.mark.timeout(900)  # one fixture simulates and judges all cases
+pytestmark = pytest.mark.timeout(900)  # one fixture simulates all cases
 CASES = {
     "complete smooth": complete(9),
     "complete sign": complete(10),
@@ -45,6 +46,8 @@ CASES = {
     "pressed gap": hidden("backlash", 2.0, 11013),
 }
 NOT_TOLD_APART, PRESSED, GAP = "small eccentric", "pressed gap", "gap"
+NORMAL = {"stribeck", "hysteresis", "joint_coupling", "payload", "cross", "flywheel"}
+"""Cases of the normal run; the others are slow: `pytest -m slow tests/closure/test_blind_rigs.py`."""
 
 
 def turning(seed: int) -> RigExperiment:
@@ -63,9 +66,21 @@ def runs():
 
 
 @pytest.fixture(scope="module")
-def outcomes(runs) -> dict[str, TrialOutcome]:
-    tasks = [(runs[name], case, EXPERIMENTS[name]) for name, case in CASES.items()]
-    return {name: TrialOutcome(**judge(task)) for name, task in zip(CASES, tasks, strict=True)}
+def outcomes(runs) -> Mapping[str, TrialOutcome]:
+    """Each case is judged when it is first asked for."""
+
+    class Judged(dict[str, TrialOutcome]):
+        def __missing__(self, name: str) -> TrialOutcome:
+            self[name] = TrialOutcome(**judge((runs[name], CASES[name], EXPERIMENTS[name])))
+            return self[name]
+
+    return Judged()
+
+
+def of_cases(names: Iterable[str]):
+    """Parametrizes by cases, of which those beside `NORMAL` are slow."""
+    marks = {True: (), False: (pytest.mark.slow,)}
+    return pytest.mark.parametrize("name", [pytest.param(n, marks=marks[n in NORMAL]) for n in names])
 
 
 @pytest.mark.parametrize("name", ["complete smooth", "complete sign"])
@@ -73,7 +88,7 @@ def test_a_complete_model_is_called_complete(outcomes, name):
     assert (outcomes[name].verdict, outcomes[name].found) == ("model_complete", [])
 
 
-@pytest.mark.parametrize("name", [n for n, c in CASES.items() if c.truth and "unknown" not in c.truth and n != PRESSED])
+@of_cases(n for n, c in CASES.items() if c.truth and "unknown" not in c.truth and n != PRESSED)
 def test_a_hidden_effect_is_named_on_its_joint(outcomes, name):
     outcome = outcomes[name]
     assert outcome.verdict == "effect_found"
@@ -82,7 +97,7 @@ def test_a_hidden_effect_is_named_on_its_joint(outcomes, name):
     assert outcome.after[joint] < 0.7 * outcome.before[joint]
 
 
-@pytest.mark.parametrize("name", [n for n, c in CASES.items() if "unknown" in c.truth and n != NOT_TOLD_APART])
+@of_cases(n for n, c in CASES.items() if "unknown" in c.truth and n != NOT_TOLD_APART)
 def test_an_effect_that_no_library_has_gets_no_sure_name(outcomes, name):
     """Unexplained, or the closest law beside `unknown`; what is left is on the joint with the effect."""
     outcome = outcomes[name]
@@ -91,6 +106,7 @@ def test_an_effect_that_no_library_has_gets_no_sure_name(outcomes, name):
     assert joint in {j for j, _ in outcome.unknown}
 
 
+@pytest.mark.slow
 def test_a_name_that_a_fault_of_the_encoder_does_as_well_as_is_not_sure(outcomes):
     """Gravity read at an angle that is off is a torque that depends on the angle: nothing in this motion tells the
     two.
@@ -100,6 +116,7 @@ def test_a_name_that_a_fault_of_the_encoder_does_as_well_as_is_not_sure(outcomes
     assert all(aliases for _, joints, aliases in outcome.found if joints == [3])
 
 
+@pytest.mark.slow
 def test_a_gap_that_weight_keeps_pressed_stands_behind_an_offset(outcomes):
     """Joint 3 holds its weight: the link is off by half of the gap, to one side. An offset to the other side is none of
     a gap.
@@ -113,6 +130,7 @@ def test_a_gap_that_weight_keeps_pressed_stands_behind_an_offset(outcomes):
     assert not offset.inherent(EffectEstimate(np.array((0.01,)), np.zeros(1), (), (2,), scene))
 
 
+@pytest.mark.slow
 def test_a_drive_that_loses_gain_and_a_motor_carried_along_are_told_by_their_signals(outcomes):
     assert (1, ["time", "tau1"]) in [(joint, signals) for joint, signals in outcomes["sag"].unknown]
     assert {(2, ("ddq1",)), (1, ("ddq2",))} <= {
@@ -120,6 +138,7 @@ def test_a_drive_that_loses_gain_and_a_motor_carried_along_are_told_by_their_sig
     }
 
 
+@pytest.mark.slow
 def test_what_has_no_name_is_corrected_in_its_own_form(outcomes):
     """A ripple that grows with the load and an encoder off its centre: neither is a smooth function of one signal."""
     for name in ("loaded_ripple", "eccentric"):
@@ -142,6 +161,7 @@ def test_parameters_come_out_as_they_were_put_in(outcomes):
     json.dumps(outcome.interval, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_the_fmu_of_a_backlash_runs_at_its_defaults(runs, tmp_path):
     run = runs[GAP]
     one = Run("rig", run.time, run.q, run.tau, np.arange(len(run.time)) >= len(run.time) // 2)

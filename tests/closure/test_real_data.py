@@ -83,6 +83,7 @@ def test_tx40_wrist_is_coupled(shared_data, joint, least, target):
     assert any("not independent" in text for text in found.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [1, 2, 3, 4])
 def test_tx40_other_joints_get_no_coupling_and_no_worse(shared_data, joint):
     found = wrist(shared_data / "residual_ready", joint)
@@ -100,6 +101,7 @@ def test_cable_tool_held_out_runs_of_the_same_tool(shared_data):
     assert found.floor[0] < 2.0  # repeated cycles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", OTHERS)
 def test_cable_tool_other_tool_or_spindle_is_never_worse(shared_data, held):
     before, after = errors(tool(shared_data / "mis_tool_cable", held))
@@ -113,6 +115,7 @@ def test_pendulum_runs_with_a_computed_torque_are_refused(shared_data, name):
     assert "circular" in found.warnings[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["energy_shaping_0p5kg", "energy_shaping_1kg", "ilqr", "sac"])
 def test_pendulum_runs_whose_model_does_not_hold_name_nothing(shared_data, name):
     found = pendulum(shared_data / "dfki_pendulum_1dof", name)

@@ -24,6 +24,8 @@ _RESTARTS = 200
 """Of the search for the largest eigenvalues; where it converges, it does within some tens."""
 _FAST = 0.5
 """Growth [1/s] beyond that of the roots found round z = 1 that asks for a search elsewhere."""
+_LARGEST = 50.0
+"""Logarithm of the largest eigenvalue that is told."""
 _ITERATIONS, _DOUBLED = 512, 4
 """Periods over which a state is followed, and how often the map is doubled to take many at once."""
 
@@ -69,12 +71,13 @@ def _eigenvalues(matrix: Sparse, period: float) -> np.ndarray:
     while not np.any(np.abs(slow - 1.0) > _NEUTRAL * period) and sought < size // 4:
         sought *= 2
         slow = np.asarray(eigs(inverse, k=sought, sigma=near, v0=start, return_eigenvectors=False))
-    if _iterated(matrix, start) <= float(np.log(np.abs(slow).max())) + _FAST * period:
+    grown = _iterated(matrix, start)
+    if grown <= float(np.log(np.abs(slow).max())) + _FAST * period:
         return slow
     try:
         fast = eigs(matrix, k=6, which="LM", v0=start, maxiter=_RESTARTS, return_eigenvectors=False)
-    except ArpackNoConvergence as error:  # rings of delays have many eigenvalues of one size
-        fast = error.eigenvalues if len(error.eigenvalues) else np.linalg.eigvals(matrix.toarray())
+    except ArpackNoConvergence as error:  # many of one size: of the largest only the size is known
+        fast = error.eigenvalues if len(error.eigenvalues) else np.exp([min(grown, _LARGEST)])
     return np.concatenate([slow, fast])
 
 

@@ -95,7 +95,7 @@ def attribute_words(kind: type) -> dict[str, str]:
     for above, below in pairwise(tree.body):
         match above, below:
             case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
-                found[name] = inspect.cleandoc(words)
+                found[name] = " ".join(words.split())
             case _:
                 pass
     return found

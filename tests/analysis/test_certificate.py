@@ -161,14 +161,15 @@ def test_a_law_that_changes_slowly_is_always_between_the_knots_that_are_looked_a
     assert len(uniform_grid(100, 5, {2: 1})._choices()) == 36
 
 
+@pytest.mark.slow
 def test_laws_that_change_slowly_are_proven_where_any_law_is_not():
-    """51 g, 0.428 s: at any speed there is no certificate of this family, at 0.1 s a second there is."""
+    """51 g, 0.424 s: at any speed there is no certificate of this family, at 0.1 s a second there is."""
     from cosim.analysis.multiplier import certify
 
     loop = difference_loop(SIDE, 0.004)
-    found = certify([loop], uniform_grid(107, 8, {4: 1}, 0.1))
+    found = certify([loop], uniform_grid(106, 8, {4: 1}, 0.1))
     assert found is not None and proven(found[0]).holds
-    assert certify([loop], uniform_grid(107, 8, {4: 1})) is None
+    assert certify([loop], uniform_grid(106, 8, {4: 1})) is None
     any_speed = attrs.evolve(found[0], grid=attrs.evolve(found[0].grid, slope=None))
     assert not proven(any_speed).holds
     assert certificate_of(json.loads(json.dumps(found[0].to_dict()))) == found[0]

@@ -69,12 +69,12 @@ def runs():
 def outcomes(runs) -> Mapping[str, TrialOutcome]:
     """Each case is judged when it is first asked for."""
 
-    class Judged(dict[str, TrialOutcome]):
+    class BlindOutcomes(dict[str, TrialOutcome]):
         def __missing__(self, name: str) -> TrialOutcome:
             self[name] = TrialOutcome(**judge((runs[name], CASES[name], EXPERIMENTS[name])))
             return self[name]
 
-    return Judged()
+    return BlindOutcomes()
 
 
 def of_cases(names: Iterable[str]):

@@ -281,8 +281,7 @@ def _replayed(closure: Closure, options: Options) -> Closure:
         return evolve(closure, warnings=(*closure.warnings, f"no replay: {error}"))
     if result is None:
         return closure
-    doubt = tuple(w for w in result.warnings if w.startswith(("the replay is worse", "no replay of the model after")))
-    findings = tuple(evolve(f, doubts=(*f.doubts, *doubt)) for f in closure.verdict.findings)
+    findings = tuple(evolve(f, doubts=(*f.doubts, *result.doubts)) for f in closure.verdict.findings)
     verdict = evolve(closure.verdict, findings=findings)
     return evolve(closure, verdict=verdict, replay=result, warnings=(*closure.warnings, *result.warnings))
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from cosim.closure.controller import RecordedController, difference, find_laws, injected, reference
 from cosim.closure.drive import Drive, StartValue, StartValues, drive_of, stepped
@@ -47,7 +47,8 @@ SIDES = ("before", "after")
 @frozen(eq=False)
 class Replay:
     """RMS% of torque on held-out rows per joint (nj,), of the models before and after, with 95 % intervals of the
-    latter (nj, 2); nan for a model that could not be replayed.
+    latter (nj, 2); nan for a model that could not be replayed. doubts: those of the warnings for which no effect is
+    named for sure.
 
     Both torques passed the same filter; raw_before, raw_after: unfiltered. position_before, position_after: RMS of q
     [rad or m]. time (n,), tau, tau_before, tau_after (n, nj): the last run judged, for figures.
@@ -64,6 +65,7 @@ class Replay:
     runs: tuple[str, ...]
     laws: tuple[RecordedController | None, ...] = ()
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     time: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
     tau: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
     tau_before: np.ndarray = field(factory=lambda: np.zeros(0), repr=False)
@@ -258,32 +260,35 @@ def _column(parts: Sequence[np.ndarray], path: _ReplayedRun) -> np.ndarray:
 def experiment(drive: Drive, path: _ReplayedRun, folder: Path) -> Scenario:
     """The replay as a scenario: reference and feed-forward -> controller -> drive -> controller."""
     run, joints = path.run, path.q_ref.shape[1]
-    names = [f"{what}{joint + 1}" for what in ("q_ref", "tau_ff") for joint in range(joints)]
-    table = np.column_stack([run.time - run.time[0], path.q_ref, path.feed])
-    file = folder / "recorded.csv"
-    np.savetxt(file, table, delimiter=",", header=",".join(["time", *names]), comments="", fmt="%.17g")
     parts = {
-        "reference": Component(
-            recording=str(file), columns=tuple(names[:joints]), unit="rad", interpolation=Extrapolation.HOLD
-        ),
-        "feed": Component(
-            recording=str(file), columns=tuple(names[joints:]), unit="N.m", interpolation=Extrapolation.HOLD
-        ),
+        "reference": played(run, path.q_ref, "rad", folder / "reference.csv"),
+        "feed": played(run, path.feed, "N.m", folder / "feed.csv"),
         "drive": Component(model=drive.model, parameters=_start(path, drive)),
         **{
             name: Component(model="PDController", parameters=_gains(path, first))
             for first, name in zip(range(0, joints, WIDE), _controllers(joints), strict=True)
         },
     }
-    step = round(run.step * 1e9) / 1e9
-    settings = Experiment(
-        stop=(len(run) - 1) * step,
-        step=step,
-        algorithm=Algorithm.GAUSS_SEIDEL,
-        extrapolation=Extrapolation.HOLD,
-        order=("reference", "feed", "drive", *_controllers(joints)),
+    settings = evolve(
+        sampled(run), algorithm=Algorithm.GAUSS_SEIDEL, order=("reference", "feed", "drive", *_controllers(joints))
     )
     return Scenario("replay", settings, parts, _wires(drive, joints), folder=folder)
+
+
+def played(run: Run, signals: np.ndarray, unit: str, file: Path) -> Component:
+    """Signals (n, k) of a run played from a file that is written here, each sample held until the next."""
+    names = tuple(f"y{k + 1}" for k in range(signals.shape[1]))
+    table = np.column_stack([run.time - run.time[0], signals])
+    np.savetxt(file, table, delimiter=",", header=",".join(("time", *names)), comments="", fmt="%.17g")
+    return Component(recording=str(file), columns=names, unit=unit, interpolation=Extrapolation.HOLD)
+
+
+def sampled(run: Run) -> Experiment:
+    """A step for each sample of a run; a step's inputs are those of its beginning."""
+    step = round(run.step * 1e9) / 1e9
+    return Experiment(
+        stop=(len(run) - 1) * step, step=step, algorithm=Algorithm.JACOBI, extrapolation=Extrapolation.HOLD
+    )
 
 
 def _start(path: _ReplayedRun, drive: Drive) -> dict[str, object]:
@@ -378,6 +383,7 @@ def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]
     shown = [getattr(last, side).tau * (1.0 if good else np.nan) for side, good in zip(SIDES, counts, strict=True)]
     error_before, error_after = (_percent(side.calm, recorded.calm) for side in (before, after))
     interval = _interval(after.calm - recorded.calm, recorded.calm, size)
+    lost, worse = _lost(compared, counts, 1 - keep.mean()), _worse(error_before, error_after, interval)
     return Replay(
         kind="guided" if compared[0].path.guided else "closed loop",
         before=error_before,
@@ -389,11 +395,8 @@ def _summary(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]
         position_after=_rms(after.q - recorded.q),
         runs=tuple(c.path.run.name for c in compared),
         laws=laws,
-        warnings=(
-            *_notes(compared, laws),
-            *_lost(compared, counts, 1 - keep.mean()),
-            *_worse(error_before, error_after, interval),
-        ),
+        warnings=(*_notes(compared, laws), *lost.values(), *worse),
+        doubts=(*(text for side, text in lost.items() if side == "after" and not counts[1]), *worse),
         time=last.path.run.time,
         tau=last.path.run.tau,
         tau_before=shown[0],
@@ -450,9 +453,9 @@ def _notes(compared: Sequence[_Compared], laws: tuple[RecordedController, ...]) 
     return tuple(notes)
 
 
-def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -> list[str]:
-    """In words, which sides ended early and why; share: of the rows that are not judged."""
-    notes = []
+def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -> dict[str, str]:
+    """Sides that ended early, and why in words; share: of the rows that are not judged."""
+    notes = {}
     for side, good in zip(SIDES, counts, strict=True):
         if why := "; ".join(_reasons(compared, side)):
             what = (
@@ -460,7 +463,7 @@ def _lost(compared: Sequence[_Compared], counts: Sequence[bool], share: float) -
                 if good
                 else f"no replay of the model {side}"
             )
-            notes.append(f"{what}: {why}")
+            notes[side] = f"{what}: {why}"
     return notes
 
 

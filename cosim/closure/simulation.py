@@ -12,10 +12,10 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.closure.drive import Drive, StartValue, drive_of, stepped
-from cosim.closure.replay import begun
+from cosim.closure.replay import begun, played, sampled
 from cosim.errors import InputError, RunError
 from cosim.measured.recording import Recording, Run
-from cosim.scenario import Algorithm, Component, Connection, Experiment, Extrapolation, Scenario
+from cosim.scenario import Component, Connection, Scenario
 from cosim.signals import Signal
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def simulate(
     recording: Recording, before: Mapping[str, StartValue], after: Mapping[str, StartValue]
 ) -> FreeSimulation | None:
     """Both models driven by the recorded torque over the reported rows. None where the device has no FMU, or where
-    neither model stays within twice the range of the recorded motion.
+    both models leave the recorded path by more than its range.
     """
     drive = drive_of(recording.device)
     if drive is None:
@@ -110,21 +110,12 @@ def _motion(
 
 def _experiment(drive: Drive, run: Run, folder: Path) -> Scenario:
     """The recorded torque, held between samples -> drive."""
-    names = [f"tau{j + 1}" for j in range(run.tau.shape[1])]
-    file = folder / "torque.csv"
-    table = np.column_stack([run.time - run.time[0], run.tau])
-    np.savetxt(file, table, delimiter=",", header=",".join(["time", *names]), comments="", fmt="%.17g")
-    torque = Component(recording=str(file), columns=tuple(names), unit="N.m", interpolation=Extrapolation.HOLD)
-    step = round(run.step * 1e9) / 1e9
-    settings = Experiment(
-        stop=(len(run) - 1) * step,
-        step=step,
-        algorithm=Algorithm.JACOBI,  # a step's torque is that of its beginning
-        extrapolation=Extrapolation.HOLD,
-    )
     wires = tuple(
         Connection(Signal("torque", f"y[{j + 1}]"), Signal("drive", drive.variable("tau", j)))
-        for j in range(len(names))
+        for j in range(run.tau.shape[1])
     )
-    parts = {"torque": torque, "drive": Component(model=drive.model, parameters=drive.fixed)}
-    return Scenario("free simulation", settings, parts, wires, folder=folder)
+    parts = {
+        "torque": played(run, run.tau, "N.m", folder / "torque.csv"),
+        "drive": Component(model=drive.model, parameters=drive.fixed),
+    }
+    return Scenario("free simulation", sampled(run), parts, wires, folder=folder)

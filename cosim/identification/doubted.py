@@ -42,7 +42,7 @@ def doubted(fit: Fit) -> Doubted:
     bend, bent = _bent(fit)
     clipped = any(run.clipped is not None for run in fit.recording.runs)
     uneven = any(doubt.kind == "uneven stamps" for doubt in fit.recording.doubts)
-    parts = [lag, bend, _warmer(fit), _noise(fit) if clipped or uneven else np.zeros(len(lag))]
+    parts = [lag, bend, _warmer(fit), _paced(fit), _noise(fit) if clipped or uneven else np.zeros(len(lag))]
     half = _repeats(fit) * fit.spread.half_width + np.sum(parts, axis=0)
     kinds: dict[Label, tuple[str, ...]] = {}
     for doubt in fit.recording.doubts:
@@ -137,6 +137,13 @@ def _at_rows(fit: Fit, name: str) -> np.ndarray:
         mine = fit.stack.run == number
         rows[mine] = np.interp(fit.stack.time[mine], run.time, run.other[name])
     return rows - np.nanmean(rows[fit.stack.fit.any(axis=1)])
+
+
+def _paced(fit: Fit) -> np.ndarray:
+    """What clocks that run as fast or slow as they were set change in the parameters (p,)."""
+    if all(run.pace == 1 for run in fit.recording.runs):
+        return np.zeros(len(fit.params))
+    return np.abs(fit.otherwise(fit.recording.paced()) - fit.free)
 
 
 def _noise(fit: Fit) -> np.ndarray:

@@ -245,6 +245,7 @@ def _run(stretch: Stretch, layout: Sequence[tuple[str, str, float]], description
         regressor=block("regressor"),
         rigid=None if rigid is None else rigid[:, 0],
         other=other,
+        pace=stretch.pace,
     )
     return _at_supply(_driven(run, block("tau"), stretch, layout, description), block("supply"), description)
 

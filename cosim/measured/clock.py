@@ -21,7 +21,17 @@ deviations, so that one in 2e8 joints of a motion that goes on has more.
 """
 MISSED = 1.5  # steps: longer ones are nearer to two than to one, so that a row is missing or the clock was set
 SELDOM = 64  # rows for each time that a clock is set: one that jumps more often is no clock that was set
+FREE = 0.01
+"""Rate error of a clock that runs by itself: the oscillator inside a microcontroller is trimmed to 1 % (STM32F405
+datasheet, HSI), a crystal keeps 1e-4. What was set by more was not set to make up for that.
+"""
 COPIED = 16  # rows in succession that repeat earlier ones
+MOST = 0.5  # of such a block: as many rows move, or a joint at rest is taken for a copy
+PERIODIC = 0.3  # of all rows that repeat others: beyond, not a block was written twice but the motion has no noise
+TESTED = 64  # comparisons of a sign test; SIGNS * SHARED standard deviations of fewer are more than the half there is
+JITTER = 0.05  # of a step: stamps this close to an even grid are taken as even
+GROUPED = 0.1  # of the rows with the stamp of the row before: no accident, they came, or were rounded, in groups
+ROUNDING = 1e-9  # of a column's range: what is less comes from arithmetic
 
 
 def without_copies(stretch: Stretch, notes: Notes) -> Stretch:
@@ -41,13 +51,13 @@ def without_copies(stretch: Stretch, notes: Notes) -> Stretch:
     copied = np.zeros(n, bool)
     for start, stop in np.flatnonzero(np.diff(np.r_[0, steady.astype(int), 0])).reshape(-1, 2):
         block = slice(start - 1, stop)
-        if (moving[block].sum() > 0.5 * (stop - start)) and stop - start >= COPIED:
+        if moving[block].sum() > MOST * (stop - start) and stop - start >= COPIED:
             copied[block] = True
     count = int(copied.sum())
     if not count:
         return stretch
     text = f"{stretch.name}: {count} rows repeat earlier rows to the last digit, in blocks"
-    if count > 0.3 * n:
+    if count > PERIODIC * n:
         notes(
             f"{text}: a simulation without noise, or the same data twice; used as they are",
             "repeats",
@@ -60,7 +70,7 @@ def without_copies(stretch: Stretch, notes: Notes) -> Stretch:
 
 def continued(stretch: Stretch, notes: Notes) -> Stretch:
     """The stretch with its time continued where the clock was set, back or forward, though the motion goes on."""
-    time = stretch.time.copy()
+    time, last = stretch.time.copy(), 0
     steps = np.diff(time)
     step = float(np.median(steps)) if len(steps) else 0.0
     if not stretch.positions or step <= 0:
@@ -78,7 +88,29 @@ def continued(stretch: Stretch, notes: Notes) -> Stretch:
                 f"{stretch.name}: the clock was set {kind} at {len(joined)} rows ({shifts}) though the motion goes on"
             )
             notes(f"{text}: continued with its step", f"clock set {kind}", stretch.numbers(np.array(joined) + 1))
-    return evolve(stretch, time=time)
+            last = max(last, joined[-1] + 1)
+    return evolve(stretch, time=time, pace=_pace(stretch, time, last, notes))
+
+
+def _pace(stretch: Stretch, time: np.ndarray, last: int, notes: Notes) -> float:
+    """Seconds for one of the continued time (n,) if the clock was right in the first row and when it was set for the
+    last time, before row `last`: then it runs fast or slow between. 1 where it was not set, or by more than such a
+    clock would need.
+
+    A clock that ran before the first row had more time to be wrong: it is that wrong at most.
+    """
+    if not last:
+        return 1.0
+    pace = float((stretch.time[last] - stretch.time[0]) / (time[last] - time[0]))
+    if pace == 1 or abs(pace - 1) > FREE:
+        return 1.0
+    way = "fast" if pace < 1 else "slow"
+    text = (
+        f"{stretch.name}: the clock was set as one is set right that runs {way} by up to {100 * abs(1 - pace):.2g} %: "
+        "rows cannot tell whether it does. The intervals hold both"
+    )
+    notes(text, "pace of the clock", stretch.numbers(np.array([last])))
+    return pace
 
 
 def _leaps(stretch: Stretch, k: int, step: float) -> bool:
@@ -107,7 +139,7 @@ def _goes_on(stretch: Stretch, k: int) -> bool:
     for column in stretch.positions:
         q = stretch.signals[:, column]
         bends = np.abs(np.diff(q[k - 1 : k + 3], 2))
-        if not bends.max() <= JOINS * _usual_bend(q, k) + 1e-12:
+        if not bends.max() <= JOINS * _usual_bend(q, k) + ROUNDING * np.ptp(q[k - 2 : k + 4]):
             return False
     return True
 
@@ -116,17 +148,17 @@ def at_even_times(stretch: Stretch, notes: Notes) -> Stretch:
     """The stretch on even stamps where its positions are smoother on them than on those of the file."""
     time, n = stretch.time, len(stretch.time)
     columns = [k for k in stretch.positions if np.isfinite(stretch.signals[:, k]).all()]
-    if n < 64 or not columns:
+    if n < TESTED or not columns:
         return stretch
     steps = np.diff(time)
     typical = float(time[-1] - time[0]) / (n - 1)
-    if typical <= 0 or np.abs(steps - typical).max() <= 0.1 * typical:
+    if typical <= 0 or np.abs(steps - typical).max() <= 2 * JITTER * typical:
         return stretch
-    bursts = float((steps == 0).mean()) > 0.1
+    bursts = float((steps == 0).mean()) > GROUPED
     grid = _line(time)
-    if np.abs(time - grid).max() > 0.02 * n * typical:
+    if np.abs(time - grid).max() > 2 * FREE * n * typical:  # two clocks: where rows are measured, where they arrive
         return stretch
-    smoother = _even_beside_distinct if bursts else _even_by_sign
+    smoother = _even_in_groups if bursts else _even_by_sign
     if not all(smoother(stretch.signals[:, k], time) for k in columns):
         return stretch
     kind = "bursts" if bursts else f"steps of {steps.min():.3g} to {steps.max():.3g} s"
@@ -152,19 +184,23 @@ def _even_by_sign(values: np.ndarray, time: np.ndarray) -> bool:
     number = np.flatnonzero(distinct).astype(float)
     uneven = _uneven(time)
     own, even = _errors(values, time)[uneven], _errors(values, number)[uneven]
-    differ = np.abs(own - even) > 1e-9 * np.ptp(values)
-    count = int(differ.sum())
-    if count < 64:
-        return False
-    share = float((even < own)[differ].mean())
-    return share > 0.5 + SIGNS * SHARED / (2 * np.sqrt(count)) and np.median(even) < SMOOTHER * np.median(own)
+    differ = np.abs(own - even) > ROUNDING * np.ptp(values)
+    more = _more_often(even[differ] < own[differ])
+    return more is True and np.median(even) < SMOOTHER * np.median(own)
+
+
+def _more_often(signs: np.ndarray) -> bool | None:
+    """Whether signs (n,) hold in more rows than chance lets them, half of all; None where they are too few to tell."""
+    if len(signs) < TESTED:
+        return None
+    return bool(signs.mean() > 0.5 + SIGNS * SHARED / (2 * np.sqrt(len(signs))))
 
 
 def _uneven(stamps: np.ndarray) -> np.ndarray:
     """Inner rows (n - 4,) of which a step to a neighbour, or to theirs, is not the usual one."""
     steps = np.diff(stamps)
     usual = (stamps[-1] - stamps[0]) / len(steps)
-    odd = np.abs(steps - usual) > 0.05 * usual
+    odd = np.abs(steps - usual) > JITTER * usual
     return odd[:-3] | odd[1:-2] | odd[2:-1] | odd[3:]
 
 
@@ -185,15 +221,21 @@ def _errors(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.abs(values[2 : n - 2] - total) / np.sqrt(squares)
 
 
-def _even_beside_distinct(values: np.ndarray, time: np.ndarray) -> bool:
-    """Whether an even grid suits the first row of each stamp, and rows that share a stamp follow each other on it."""
-    bends = np.abs(np.diff(values, 2))
-    changes = np.diff(time) > 0
-    border = changes[:-1] & changes[1:] if (changes[:-1] & changes[1:]).sum() >= 32 else changes[:-1] | changes[1:]
-    inside = ~(changes[:-1] & changes[1:])
-    if border.sum() < 32 or inside.sum() < 32:
+def _even_in_groups(values: np.ndarray, time: np.ndarray) -> bool:
+    """Whether rows that share a stamp follow each other as all rows do: a step from one group to the next is as large
+    as those inside the two.
+
+    Where the rows of a group belong to one moment, the motion lies between the groups. Where rows were lost at random,
+    a step that crosses a given moment is a longer one than others are.
+    """
+    change, size = np.diff(time) > 0, np.abs(np.diff(values))
+    first = np.r_[0, np.flatnonzero(change) + 1, len(time)]  # rows that begin a group
+    moved = np.add.reduceat(np.r_[np.where(change, 0.0, size), 0.0], first[:-1])  # within each group
+    steps = np.diff(first) - 1
+    around = steps[:-1] + steps[1:]
+    between = size[first[1:-1] - 1]
+    longer = (between - (moved[:-1] + moved[1:]) / np.maximum(around, 1))[around > 0]
+    if len(longer) < TESTED:
         return False
-    moves = np.abs(np.diff(values))
-    within, between = np.mean(moves[~changes]), np.mean(moves[changes])
-    alike = np.mean(bends[border]) < 3 * np.mean(bends[inside]) + 1e-15
-    return bool(alike and within / 1.5 < between < 1.5 * within)
+    mean = float(longer.mean())
+    return mean <= SIGNS * float(longer.std()) / np.sqrt(len(longer)) or mean <= JITTER * float(size.mean())

@@ -18,7 +18,8 @@ class Run:
     regressor (n, p) and rigid (n,): recorded columns and torque of the rigid body; test (n,) marks the held-out rows.
     clipped (n, nj): torques at the end of their range, which no model can be fitted to; load (n, 3): known
     inertia [kg m^2] and m l cos, m l sin [kg m] of what was mounted; servo (n, nj): what a radian of its dead band
-    takes from tau. None: not recorded, or none.
+    takes from tau. None: not recorded, or none. pace: seconds for one of `time`, if the clock was set because it runs
+    fast or slow.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Run:
     clipped: np.ndarray | None = None
     load: np.ndarray | None = None
     servo: np.ndarray | None = None
+    pace: float = 1.0
 
     @property
     def step(self) -> float:
@@ -52,7 +54,9 @@ class Run:
 
     def part(self, rows: slice) -> "Run":
         """Some rows in succession, without copies."""
-        signals = {one.name: getattr(self, one.name) for one in fields(Run) if one.name not in ("name", "other")}
+        signals = {
+            one.name: getattr(self, one.name) for one in fields(Run) if one.name not in ("name", "other", "pace")
+        }
         cut = {name: x[rows] for name, x in signals.items() if x is not None}
         return evolve(self, other={name: x[rows] for name, x in self.other.items()}, **cut)
 
@@ -76,6 +80,10 @@ class Recording:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints in words."""
         return self.description.joints
+
+    def paced(self) -> "Recording":
+        """The recording on the time that its clocks tell if they run as fast or slow as they were set."""
+        return evolve(self, runs=tuple(evolve(run, time=run.time * run.pace) for run in self.runs))
 
     def rescaled(self, by: Rescaled) -> "Recording":
         """The recording with one signal of a joint in another unit."""

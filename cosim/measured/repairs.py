@@ -11,11 +11,12 @@ from attrs import evolve
 from cosim.errors import InputError, Problem
 from cosim.measured import clipping, clock, held, impossible
 from cosim.measured.notes import Notes
+from cosim.measured.stamps import FASTEST, SCATTERED, SLOWEST
 from cosim.measured.stretch import Stretch
 
 SHORTEST = 64  # rows; a low-pass filter needs that many
 BRIDGED = 5  # missing samples up to this are interpolated, more split the run
-JITTER = 0.05  # of a step: stamps this close to an even grid are taken as even
+WRAPPED = 0.75  # of a turn between two rows: nearer to a whole turn than to the half one up to which a joint may move
 
 
 def repair(stretch: Stretch, note: Notes) -> list[Stretch]:
@@ -38,7 +39,7 @@ def _timed(stretch: Stretch, note: Notes) -> Stretch:
     missing = int((~good).sum())
     if not missing:
         return stretch
-    if missing > 0.2 * len(good):
+    if missing > SCATTERED * len(good):
         raise InputError(Problem(f"{stretch.name}: time", "numbers", f"{missing} of {len(good)} rows without a time"))
     note(f"{stretch.name}: {missing} rows without a time dropped", "no time", stretch.numbers(~good))
     return stretch.rows(good)
@@ -78,7 +79,7 @@ def _distinct(stretch: Stretch, note: Notes) -> Stretch:
     count = int(repeated.sum())
     if not count:
         return stretch
-    if count > 0.1 * len(repeated):
+    if count > clock.GROUPED * len(repeated):
         raise InputError(
             Problem(
                 f"{stretch.name}: time",
@@ -97,17 +98,17 @@ def _check_step(stretch: Stretch) -> None:
         return
     step = float(np.median(np.diff(stretch.time)))
     where = f"{stretch.name}: time"
-    if step > 0.15:
+    if step > SLOWEST:
         advice = 'if the column is in ms, say [units] time = "ms"'
         raise InputError(Problem(where, "seconds, at least 10 rows a second", f"a step of {step:.4g} s", advice))
-    if step < 2e-6:
+    if step < FASTEST:
         raise InputError(Problem(where, "seconds", f"a step of {step:.3g} s", "wrong [units] of time?"))
 
 
 def _complete(stretch: Stretch, note: Notes) -> list[Stretch]:
     """Cut out long holes (NaN, inf) of any signal; short ones stay for `_filled`."""
     bad = ~np.isfinite(stretch.signals)
-    for column in np.flatnonzero(bad.mean(axis=0) > 0.2):
+    for column in np.flatnonzero(bad.mean(axis=0) > SCATTERED):
         share = 100 * bad[:, column].mean()
         got = f"{share:.0f} % of the rows are empty, NaN or infinite"
         raise InputError(Problem(f"{stretch.name}: {stretch.names[column]}", "numbers", got))
@@ -178,17 +179,17 @@ def _unwrapped(stretch: Stretch, note: Notes) -> Stretch:
         return stretch
     signals = stretch.signals
     for column in stretch.positions:
-        jumps = int((np.abs(np.diff(signals[:, column])) > 0.75 * 2 * np.pi).sum())
+        jumps = int((np.abs(np.diff(signals[:, column])) > WRAPPED * 2 * np.pi).sum())
         if jumps:
             signals = signals.copy()
-            rows = stretch.numbers(np.flatnonzero(np.abs(np.diff(signals[:, column])) > 0.75 * 2 * np.pi) + 1)
+            rows = stretch.numbers(np.flatnonzero(np.abs(np.diff(signals[:, column])) > WRAPPED * 2 * np.pi) + 1)
             signals[:, column] = np.unwrap(signals[:, column])
             note(f"{stretch.name}: {stretch.names[column]} wraps round at {jumps} rows: unwrapped", "wrap", rows)
     return evolve(stretch, signals=signals)
 
 
 def _even(stretch: Stretch, note: Notes) -> Stretch:
-    """Onto an even time grid: stamps within JITTER of one are replaced by it, others are resampled.
+    """Onto an even time grid: stamps within `clock.JITTER` of one are replaced by it, others are resampled.
 
     Positions and torques by cubic splines, all else linear; no low-pass, no delay.
     """
@@ -197,7 +198,7 @@ def _even(stretch: Stretch, note: Notes) -> Stretch:
         return stretch
     grid = np.linspace(stretch.time[0], stretch.time[-1], n)
     step = (grid[-1] - grid[0]) / (n - 1)
-    if np.abs(stretch.time - grid).max() <= JITTER * step:
+    if np.abs(stretch.time - grid).max() <= clock.JITTER * step:
         return evolve(stretch, time=grid)
     step = float(np.median(np.diff(stretch.time)))
     count = int(np.floor((stretch.time[-1] - stretch.time[0]) / step * (1 + 1e-12))) + 1

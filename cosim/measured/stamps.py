@@ -16,7 +16,7 @@ PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 SLOWEST, FASTEST = 0.15, 2e-6  # s: the steps of recordings of a robot; `repairs` refuses others
 LIKELY = 2e-5  # s: drives are not sampled faster than this; what is faster is no advice for a unit
 EPOCH = (978307200, 2524608000)  # s: 2001 to 2050, where stamps of recordings since 1970 lie
-SCATTERED = 0.2  # share of the rows, as `repairs` has it for missing ones
+SCATTERED = 0.2  # of the rows that may be missing or far from the others: what is left is still a recording
 EXACT = 2**53  # whole numbers up to this are floats without rounding
 
 Note = Callable[[str], None]

@@ -10,7 +10,8 @@ class Stretch:
 
     positions: columns of q and q_ref; torques: columns of tau; computed: columns that were not measured; factors (k,):
     from the file's numbers to SI; spans (k,): range of each column in the whole file; number (n,): row in the file,
-    from 0; clipped (n, k): values at the end of their range, which are not what was to be measured.
+    from 0; clipped (n, k): values at the end of their range, which are not what was to be measured; pace:
+    seconds for one of `time`, if its clock was set because it runs fast or slow.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Stretch:
     spans: tuple[float, ...] = ()
     number: np.ndarray = np.zeros(0, int)
     clipped: np.ndarray | None = None
+    pace: float = 1.0
 
     def rows(self, keep: np.ndarray, name: str = "") -> "Stretch":
         """The stretch with a subset or another order of rows."""

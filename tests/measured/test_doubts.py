@@ -188,6 +188,24 @@ def test_what_is_a_matter_of_degree_is_in_the_interval(clean, tmp_path, fault):
     assert abs(viscous["value"] - TRUTH["viscous"]) > 2.5 * viscous["std"]  # without the doubt the interval is false
 
 
+@pytest.mark.parametrize("rate", [1e-3, -4e-3])
+def test_a_clock_that_is_set_right_may_run_fast_or_slow_and_the_intervals_hold_both(clean, tmp_path, rate):
+    """A second of a clock that runs fast by e is 1 - e seconds: the inertia comes out 2 e too large."""
+    table = evolve(clean, t=clean.t + rate * np.mod(clean.t, 6.0))
+    data, found = identified(table, tmp_path)
+    inertia = found["inertia"]
+    assert inertia["value"] == pytest.approx(TRUTH["inertia"] * (1 + 2 * rate), rel=1e-3)
+    assert all(found[name]["interval"][0] <= value <= found[name]["interval"][1] for name, value in TRUTH.items())
+    (doubt,) = [doubt for doubt in data.doubts if doubt.kind == "pace of the clock"]
+    assert doubt.done.value == "in the interval" and f"{'fast' if rate > 0 else 'slow'} by up to" in doubt.text
+    assert f"{100 * abs(rate):.1f}" in doubt.text and data.runs[0].pace == pytest.approx(1 - rate, abs=3e-5)
+
+
+def test_a_clock_that_was_set_by_seconds_is_no_clock_that_runs_fast(clean, tmp_path):
+    data, _ = identified(FAULTS["clock set back"](clean, 4.0), tmp_path)
+    assert "pace of the clock" not in {doubt.kind for doubt in data.doubts} and data.runs[0].pace == 1
+
+
 OTHERWISE = ("dropout", "overflow", "sentinel", "clipped", "held samples", "arrival", "clock", "repeated block")
 
 

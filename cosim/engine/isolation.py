@@ -3,7 +3,7 @@ what was computed before.
 
 The table and the mark of the run (see cosim.engine.reference.marked) lie in memory that both processes share. Only the
 child process loads the FMUs; where it dies, the mark says how far the run came and which FMU was being called. What it
-tells is plain data (see cosim.engine.child). It frees the FMUs when it has told everything, and is not waited for.
+tells is plain data (see cosim.child). It frees the FMUs when it has told everything, and is not waited for.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 import numpy as np
 from attrs import asdict
 
-from cosim.engine.child import Child, News, NoiseError, words
+from cosim.child import Child, News, NoiseError, words
 from cosim.engine.master import PreparedRun, Result, Timetable, run
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, RunProgress, interrupted

@@ -8,7 +8,7 @@ scenario (TOML), versions, command and the FMUs with their SHA-256 as attributes
 import csv
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve
 
+from cosim.apart import UnreadableError, damaged, read_apart
 from cosim.engine.master import Identity, Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import blocks
@@ -29,8 +30,6 @@ from cosim.signals import grouped
 
 FORMAT = 1
 _BESIDE = 2048  # bytes of a signal beside its values
-_DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, MemoryError, InputError)
-"""What h5py and our own readers say of a file that is none of ours, or no longer."""
 
 
 def write_h5(result: Result, path: Path | str, starts: Mapping[str, float | str] | None = None) -> Path:
@@ -94,65 +93,75 @@ def _member(name: str) -> str:
 
 def read_starts(path: Path | str) -> dict[str, float | str]:
     """Start values that `write_h5` was given. Raises InputError where the file is none of ours."""
+    return json.loads(_found(Path(path), _starts, "a result of cosim"))
+
+
+def _found(path: Path, content: Callable[[Any], Any], expected: str) -> Any:
+    """What `content` finds in the open file. Raises InputError."""
     import h5py
 
-    try:
+    def read() -> Any:
         with h5py.File(path, "r") as file:
-            return _starts(file)
-    except _DAMAGED as error:
-        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
+            return content(file)
+
+    try:
+        return read_apart(read, path)
+    except UnreadableError as error:
+        raise InputError(Problem(str(path), expected, str(error))) from None
 
 
-def _said(error: Exception) -> str:
-    return f"one that is damaged ({type(error).__name__}: {error})"
-
-
-def _starts(file: Any) -> dict[str, float | str]:
-    return json.loads(file["starts"][()]) if "starts" in file else {}
+def _starts(file: Any) -> str:
+    text = file["starts"][()] if "starts" in file else b"{}"
+    return text.decode()
 
 
 def read_h5(path: Path | str) -> Result:
     """A result as it was written. Raises InputError where the file is none."""
-    import h5py
-
+    found = _found(Path(path), _stored, "a result of cosim")
     try:
-        with h5py.File(path, "r") as file:
-            return _read(file)
-    except _DAMAGED as error:
-        raise InputError(Problem(str(path), "a result of cosim", _said(error))) from None
+        return _result(found)
+    except (LookupError, ValueError, TypeError, AttributeError, InputError) as error:
+        raise InputError(Problem(str(path), "a result of cosim", damaged(error))) from None
 
 
-def _read(file: Any) -> Result:  # h5py's types do not know that a member is a group
-    signals, units = {}, {}
-    for group, variables in file["signals"].items():
-        for data in variables.values():
-            component = data.attrs.get("component", group)
-            values = data[...]
-            for column, element in enumerate(json.loads(data.attrs["elements"])):
-                signals[f"{component}.{element}"] = values[:, column]
-                units[f"{component}.{element}"] = data.attrs["unit"]
-    fmus = tuple(Identity(f["component"], f["name"], f["fmi"], "", f["sha256"]) for f in json.loads(file.attrs["fmus"]))
-    order = json.loads(file.attrs["signals"])
-    stopped = file.attrs.get("stopped_at")
+def _stored(file: Any) -> dict[str, Any]:  # h5py's types do not know that a member is a group
+    """Attributes, time, and for each array its component, unit and elements, as they stand in the file."""
+    signals = [
+        [data.attrs.get("component", group), data.attrs["unit"], data.attrs["elements"], data[...]]
+        for group, variables in file["signals"].items()
+        for data in variables.values()
+    ]
+    return {"attributes": dict(file.attrs), "time": file["time"][...], "signals": signals}
+
+
+def _result(found: Mapping[str, Any]) -> Result:
+    signals, units, told = {}, {}, found["attributes"]
+    for component, unit, elements, values in found["signals"]:
+        for column, element in enumerate(json.loads(elements)):
+            signals[f"{component}.{element}"] = values[:, column]
+            units[f"{component}.{element}"] = unit
+    fmus = tuple(Identity(f["component"], f["name"], f["fmi"], "", f["sha256"]) for f in json.loads(told["fmus"]))
+    order = json.loads(told["signals"])
+    stopped = told.get("stopped_at")
     return Result(
-        _scenario(file),
-        Outcome(file.attrs["outcome"]),
-        file["time"][...],
+        _scenario(told),
+        Outcome(told["outcome"]),
+        found["time"],
         {name: signals[name] for name in order},
         {name: units[name] for name in order},
         None if stopped is None else float(stopped),
-        file.attrs["message"],
-        float(file.attrs["wall_time"]),
+        told["message"],
+        float(told["wall_time"]),
         fmus,
-        messages=tuple(FmuMessage.of(entry) for entry in json.loads(file.attrs.get("messages", "[]"))),
+        messages=tuple(FmuMessage.of(entry) for entry in json.loads(told.get("messages", "[]"))),
     )
 
 
-def _scenario(file: Any) -> Scenario:
+def _scenario(told: Mapping[str, Any]) -> Scenario:
     """The scenario of a result, with the effects and changes that its text does not tell."""
-    told = {key: json.loads(file.attrs.get(key, "null")) for key in ("effects", "changes")}
+    more = {key: json.loads(told.get(key, "null")) for key in ("effects", "changes")}
     return evolve(
-        load_text(file.attrs["scenario"]), effects=tuple(told["effects"] or ()), changes=dict(told["changes"] or {})
+        load_text(told["scenario"]), effects=tuple(more["effects"] or ()), changes=dict(more["changes"] or {})
     )
 
 
@@ -232,13 +241,7 @@ def write_table(
 
 def read_table(path: Path | str) -> dict[str, list[float | str]]:
     """The columns of `write_table`, text as str. Raises InputError where the file is none."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return _columns(file)
-    except _DAMAGED as error:
-        raise InputError(Problem(str(path), "a table of cosim", _said(error))) from None
+    return _found(Path(path), _columns, "a table of cosim")
 
 
 def _columns(file: Any) -> dict[str, list[float | str]]:

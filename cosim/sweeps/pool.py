@@ -25,7 +25,7 @@ from typing import Any
 
 from attrs import asdict, field, frozen
 
-from cosim.engine.child import end_with, words
+from cosim.child import end_with, words
 from cosim.sweeps.points import Point, PointResult, failed, from_plain, plain
 
 OWN = "cosim.sweeps.evaluate"

@@ -96,12 +96,14 @@ def internal_errors(inputs, seeds):
     return found
 
 
+@pytest.mark.usefixtures("children_crash")
 def test_two_hundred_damaged_inputs_are_refused_in_words_or_run(inputs):
     assert internal_errors(inputs, range(COUNT)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
+@pytest.mark.usefixtures("children_crash")
 @pytest.mark.parametrize("first", range(COUNT, COUNT + MANY, COUNT))
 def test_two_thousand_damaged_inputs_are_refused_in_words_or_run(inputs, first):
     assert internal_errors(inputs, range(first, first + COUNT)) == []

@@ -62,10 +62,17 @@ class Child:
     exitcode: int | None
     """As that of subprocess: the negative signal where one ended it; None while it lives."""
 
-    def heard(self) -> Iterator[News]:
-        """What the child tells, until it ends. Raises NoiseError where the pipe brings anything else."""
+    def heard(self, limit: float | None = None) -> Iterator[News]:
+        """What the child tells, until it ends. Raises NoiseError where the pipe brings anything else, and TimeoutError
+        where it brings nothing for `limit` seconds.
+        """
         rest = b""
-        while more := os.read(self.pipe, 1 << 16):
+        while True:
+            if limit is not None and not select.select([self.pipe], [], [], limit)[0]:
+                raise TimeoutError
+            more = os.read(self.pipe, 1 << 16)
+            if not more:
+                break
             *lines, rest = (rest + more).split(b"\n")
             yield from map(_news, lines)
             if len(rest) > _LONGEST:

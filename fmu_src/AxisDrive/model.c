@@ -6,6 +6,7 @@
 
 #include "../shared/domain.h"
 #include "../shared/joint.h"
+#include "../shared/nameless.h"
 
 static Joint joint_of(const Model *m) {
     Joint j;
@@ -37,6 +38,13 @@ static double delivered(Model *m, const Joint *j) {
     return joint_delivered(j, command);
 }
 
+/* Required torque over the position that has no name (N m). */
+static double nameless(const Model *m, const Joint *j, double q, double dq) {
+    if (!(m->nameless_to > m->nameless_from)) return 0;
+    return nameless_torque(m->nameless_from, m->nameless_to, m->nameless_torque, m->nameless_friction, q,
+                           joint_sign(j, dq));
+}
+
 /* Required torque from the other joint (N m). */
 static double coupling(const Model *m, const Joint *j) {
     double torque = 0;
@@ -60,7 +68,7 @@ static void derivatives(Model *m, double t) {
     const double q = elastic ? m->q_motor : m->q_link, dq = elastic ? m->dq_motor : m->dq_link;
     const double ideal = delivered(m, &j), motor = j.actuator_lag > 0 ? m->tau_lag : ideal;
     const double z = joint_hysteresis_state(&j, m->z, m->z_short, m->z_long);
-    double torque = motor - joint_required(&j, q, dq, z, motor, t) - coupling(m, &j);
+    double torque = motor - joint_required(&j, q, dq, z, motor, t) - coupling(m, &j) - nameless(m, &j, q, dq);
     if (j.actuator_lag > 0) m->der_tau_lag = (ideal - m->tau_lag) / j.actuator_lag;
     if (j.hysteresis != 0) {
         const double states[3] = {m->z, m->z_short, m->z_long};

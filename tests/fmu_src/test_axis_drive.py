@@ -5,6 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 from tests.support.model_harness import SOURCES, CompiledModel
 
@@ -119,6 +120,57 @@ def test_all_effects_together_against_scipy():
     found = [end[name][-1, 0] for name in ("q", "dq", "z", "tau_motor")]
     # RK4 at 0.25 ms on rates up to 50 1/s: 2e-10; |dq| and |z| kinks at reversals are second order in the step: 1e-6
     assert np.abs(np.array(found) - state).max() < 2e-6
+
+
+KNOTS = np.linspace(-0.4, 0.5, 10)
+TABLES = [0.3, -0.2, 0.5, 0.1, 0.0, -0.4, 0.2, 0.2, -0.1, 0.6], [0.1, 0.0, -0.2, 0.3, 0.1, 0.2, -0.1, 0.0, 0.4, 0.2]
+"""Values of a torque over the angle, and of a Coulomb level over it, at the knots [N.m]."""
+
+
+def table(values):
+    """The cubic that scipy puts through them: slopes by central differences, level at both ends and beyond."""
+    slopes = np.gradient(values, KNOTS)
+    slopes[[0, -1]] = 0.0
+    curve = CubicHermiteSpline(KNOTS, values, slopes)
+    return lambda q: curve(np.clip(q, KNOTS[0], KNOTS[-1]))
+
+
+def with_table(**values) -> dict:
+    arrays = dict(zip(("nameless_torque", "nameless_friction"), TABLES, strict=True))
+    return {"nameless_from": KNOTS[0], "nameless_to": KNOTS[-1], **arrays, **values}
+
+
+def test_the_nameless_torque_is_the_cubic_through_its_knots():
+    """At the knots, between them, and constant beyond: read off the acceleration of an axis of unit inertia."""
+    g, c = map(table, TABLES)
+    for q in (*KNOTS, -0.7, -0.4 + 1e-9, -0.23, 0.031, 0.4999999, 0.9):
+        m = CompiledModel("AxisDrive", q_start=q, dq_start=0.3, **with_table(coulomb_velocity=0.2)).start()
+        m.rates()
+        assert m["ddq"][0] == pytest.approx(-g(q) - c(q) * 0.3 / np.hypot(0.3, 0.2), abs=1e-15)
+
+
+def test_motion_with_a_nameless_torque_against_scipy():
+    """Out of the table on both sides and back. RK4 at 1 ms across knots, where the second derivative jumps: 1e-8."""
+    g, c = map(table, TABLES)
+
+    def rate(t, s):
+        q, v = s
+        return [v, 0.2 - g(q) - c(q) * v / np.hypot(v, 0.2) - 0.1 * v - 2.0 * q]
+
+    given = with_table(viscous=0.1, position_torque=2.0, coulomb_velocity=0.2, internal_steps=5)
+    run = CompiledModel("AxisDrive", q_start=0.9, **given).start().run(800, 5e-3, {"tau": 0.2}, ("q",))
+    times = np.arange(1, 801) * 5e-3
+    exact = solve_ivp(rate, (0, 4), [0.9, 0.0], "DOP853", times, rtol=1e-11, atol=1e-13, max_step=0.01)
+    assert exact.y[0].min() < KNOTS[0] and exact.y[0].max() > KNOTS[-1]
+    assert np.abs(run["q"][:, 0] - exact.y[0]).max() < 1e-8
+
+
+@pytest.mark.parametrize("ends", [(0.0, 0.0), (0.5, -0.4)])
+def test_a_table_without_a_width_is_absent_to_the_bit(ends):
+    given = with_table(nameless_from=ends[0], nameless_to=ends[1], **RIG)
+    with_it, without = (CompiledModel("AxisDrive", q_start=0.3, **x).start() for x in (given, RIG))
+    a, b = (m.run(200, 5e-3, {"tau": 1.0}, ("q", "dq")) for m in (with_it, without))
+    assert (a["q"] == b["q"]).all() and (a["dq"] == b["dq"]).all()
 
 
 def test_pendulum_keeps_its_energy():

@@ -68,10 +68,25 @@ class LaneLayout:
         part = self.parts[o.component]
         to, source = part.places(part.inputs), lie(o.source).tolist()
         lines = dict(zip(o.line.tolist(), zip(lie(o.newer).tolist(), lie(o.older).tolist(), o.span.tolist())))
-        held = [NativeWire(to[i], source[i], 0, 0, 1.0) for i in range(len(to)) if i not in lines]
-        wires = [*held, *(NativeWire(to[i], source[i], *line) for i, line in lines.items())]
+        held = _runs([(to[i], source[i], source[i], source[i], 1.0) for i in range(len(to)) if i not in lines])
+        wires = [*held, *_runs([(to[i], source[i], *line) for i, line in lines.items()])]
         array = self.arena.structures((NativeWire * len(wires))(*wires))
         return NativeAct(component=o.component, wires=array, n_held=len(held), n_wires=len(wires))
+
+
+_SingleWire = tuple[int, int, int, int, float]
+"""Input, place, newer and older place, span."""
+
+
+def _runs(wires: Sequence[_SingleWire]) -> list[NativeWire]:
+    """Wires whose inputs and places follow one another, put together."""
+    found: list[list[_SingleWire]] = []
+    for wire in wires:
+        if found and wire == (*(place + 1 for place in found[-1][-1][:4]), found[-1][-1][4]):
+            found[-1].append(wire)
+        else:
+            found.append([wire])
+    return [NativeWire(len(run), *run[0]) for run in found]
 
 
 @of_structure

@@ -33,9 +33,9 @@ class NativeComponent(ctypes.Structure):
 
 
 class NativeWire(ctypes.Structure):
-    """A wired input, held or on a line."""
+    """Wired inputs that follow one another, held or on lines."""
 
-    _fields_ = [("to", c_int64), ("source", c_int64), ("newer", c_int64), ("older", c_int64), ("span", c_double)]
+    _fields_ = [*((name, c_int64) for name in ("n", "to", "source", "newer", "older")), ("span", c_double)]
 
 
 class NativeAct(ctypes.Structure):

@@ -114,22 +114,23 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
 
 /* Held, then along lines: for what moves to move along, for the others at the end of the step, where they read them. */
 static inline void set_inputs(Part *a, const Act *act, int moves, const real *store, double size) {
-    const Wire *const wires = act->wires;
-    const int64_t n_held = act->n_held, n = act->n_wires;
-    real *values = values_of(a);
-    for (int64_t i = 0; i < n_held; i++) values[wires[i].to] = store[wires[i].source];
-    if (moves) {
-        for (int64_t i = n_held; i < n; i++) {
-            const Wire w = wires[i];
-            values[w.to] = a->from[i - n_held] = store[w.source];
-            a->slopes[i - n_held] = (store[w.newer] - store[w.older]) / w.span;
-        }
-        a->lines = wires + n_held, a->n_lines = n - n_held, a->moved = 0.0;
-    } else {
-        for (int64_t i = n_held; i < n; i++) {
-            const Wire w = wires[i];
-            const real slope = (store[w.newer] - store[w.older]) / w.span;
-            values[w.to] = store[w.source] + slope * size;
+    real *const values = values_of(a);
+    for (int64_t i = 0; i < act->n_held; i++) {
+        const Wire *w = act->wires + i;
+        for (int64_t j = 0; j < w->n; j++) values[w->to + j] = store[w->source + j];
+    }
+    a->lines = act->wires + act->n_held, a->n_lines = act->n_wires - act->n_held, a->moved = 0.0;
+    for (int64_t i = 0, k = 0; i < a->n_lines; i++) {
+        const Wire *w = a->lines + i;
+        const real *source = store + w->source, *newer = store + w->newer, *older = store + w->older;
+        real *to = values + w->to;
+        const double span = w->span;
+        for (int64_t j = 0, n = w->n; j < n; j++, k++) {
+            const real slope = (newer[j] - older[j]) / span;
+            if (moves)
+                to[j] = a->from[k] = source[j], a->slopes[k] = slope;
+            else
+                to[j] = source[j] + slope * size;
         }
     }
 }
@@ -170,19 +171,26 @@ static void record(const Job *job, const int64_t *columns, int64_t done) {
     }
 }
 
-/* Notes the lanes that end after `done` steps; whether any still runs. Magnitudes are compared by their bits: as integers
- * they have the order of the numbers, and NaN is above all. */
-static int watch(Job *job, const Part *work, int64_t done) {
-    const real *newest = job->store + done % 2 * job->n_places;
+/* Where no magnitude passes the bound. They are compared by their bits: as integers they have the order of the numbers, and NaN
+ * is above all. The bits that any has are as large as the largest or larger, and mostly settle it. */
+static inline mask bounded(const real *numbers, int64_t n, double bound) {
+    real_bits any_bits = bits_of(real_of(0.0));
     real most = real_of(0.0);
-    mask inside = everywhere();
-    for (int64_t i = 0; i < job->n_places; i++) {
-        const real_bits size = bits_of(newest[i]) & INT64_MAX;
+    for (int64_t i = 0; i < n; i++) any_bits = any_bits | bits_of(numbers[i]);
+    if (all((any_bits & INT64_MAX) <= bits_of(real_of(bound)))) return everywhere();
+    for (int64_t i = 0; i < n; i++) {
+        const real_bits size = bits_of(numbers[i]) & INT64_MAX;
         most = choose(size > bits_of(most), real_of_bits(size), most);
     }
+    return most <= bound;
+}
+
+/* Notes the lanes that end after `done` steps; whether any still runs. */
+static int watch(Job *job, const Part *work, int64_t done) {
+    const mask fine = bounded(job->store + done % 2 * job->n_places, job->n_places, job->bound);
+    mask inside = everywhere();
     for (int64_t i = 0; i < job->n_components; i++)
         if (job->components[i].kind == ARM) inside = inside & (work[i].model.arm.domain != 0.0);
-    const mask fine = most <= job->bound;
     if (all(fine & inside)) return 1;
     int running = 0;
     for (int lane = 0; lane < LANES; lane++) {

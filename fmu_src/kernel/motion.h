@@ -12,7 +12,10 @@ static inline void move_inputs(Part *a, double offset) {
     const int64_t n = a->n_lines;
     real *values = values_of(a);
     if (offset == a->moved) return;
-    for (int64_t k = 0; k < n; k++) values[lines[k].to] = a->from[k] + a->slopes[k] * offset;
+    for (int64_t i = 0, k = 0; i < n; i++) {
+        real *to = values + lines[i].to;
+        for (int64_t j = 0; j < lines[i].n; j++, k++) to[j] = a->from[k] + a->slopes[k] * offset;
+    }
     a->moved = offset;
 }
 

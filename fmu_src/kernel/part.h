@@ -64,10 +64,11 @@ static const struct {
     FIELD(const double *const *, lost) /* CHANNEL of packets: [LANES] at steps 0..n, 1 where the sample is lost; NULL: none */ \
     FIELD(double *, packets)  /* CHANNEL of packets: [LANES][capacity][1 + n_inputs] stamp, inputs; NULL: time delays */
 
-/* A wired input, numbered by its value reference: held at a place of the store, or from there along the line through the
- * places `older` and `newer`, `span` seconds apart. */
+/* Wired inputs that follow one another, numbered by their value references: `n` from `to` on, held at as many places of the
+ * store, or from there along lines through the places `older` and `newer`, `span` seconds apart. */
 #define WIRE(FIELD) \
-    FIELD(int64_t, to) FIELD(int64_t, source) FIELD(int64_t, newer) FIELD(int64_t, older) FIELD(double, span)
+    FIELD(int64_t, n) FIELD(int64_t, to) \
+    FIELD(int64_t, source) FIELD(int64_t, newer) FIELD(int64_t, older) FIELD(double, span)
 
 /* clang-format on */
 
@@ -88,7 +89,7 @@ typedef struct {
         EnvironmentModel environment;
     } model;
     real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
-    const Wire *lines;                                       /* ARM: [n_lines] */
+    const Wire *lines;                                       /* ARM, OPERATOR: [n_lines] */
     int64_t n_lines;
     double moved;     /* ARM: s, how far along */
     double begun;     /* ARM, OPERATOR: s, time of the communication point */

@@ -219,9 +219,16 @@ def _replayed(one: PointSetup, runs: "TwinRuns", found: PointResult) -> PointRes
     """
     if not drawn(one.point):
         return found
-    again = run(one.scenario, one.system, record=list(runs.result.signals))
+    again = run(_as_far(one.scenario, runs), one.system, record=list(runs.result.signals))
     apart = difference(runs.result, again, runs.growth is not None)
     return evolve(found, numbers={**found.numbers, "kernel_difference": apart})
+
+
+def _as_far(scenario: Scenario, runs: "TwinRuns") -> Scenario:
+    """The scenario, or where the run ended because its sign was known only so much of it."""
+    if runs.growth is None:
+        return scenario
+    return scenario.with_values({"experiment.stop": float(runs.result.time[-1])})
 
 
 def drawn(point: Point) -> bool:

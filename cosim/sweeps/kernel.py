@@ -58,7 +58,8 @@ _MOST_OUTPUTS = 12  # of a series
 _LEAST_BOUND = 1e5
 """The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
 _BLOCKS = 6  # of an envelope, SIGN_BLOCKS in fmu_src/kernel/sign.h
-_LOOKS = 4  # for the sign of a growth rate: at an eighth of the run, a quarter, a half, at its end
+_LOOKS = tuple(2.0**-half for half in np.arange(0.0, 3.5, 0.5))
+"""Shares of the run after which the sign of a growth rate is looked for: from an eighth of it to all of it."""
 _MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
 
 
@@ -325,7 +326,7 @@ class _Call:
         power[:, 0] = 0.0
         for sign, sums in zip(self.signs, power):
             sign.power = self.arena.array(sums)
-        looks = [self.rows - 1 >> halved for halved in range(_LOOKS)]
+        looks = [int(share * (self.rows - 1)) for share in _LOOKS]
         where = self.arena.structures(self.signs), self.arena.indices(looks)
         return *where, len(looks), len(self.layout.rates), self.quantile
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.closure.drive import StartValues, drive_of, effects_drive
+from cosim.closure.drive import StartValues, drive_of
+from cosim.closure.fitted import effect_values, start_values
 from cosim.closure.model.choice import ChosenEffect
-from cosim.closure.model.friction import FORMS
 from cosim.closure.model.model import Model, complete, with_choices
 from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
 from cosim.closure.model.setting import formulate
@@ -19,16 +19,17 @@ from cosim.closure.score.checks import incomplete, unseparated
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
 from cosim.closure.score.search import MOST, EffectSearch, resettled, search
-from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, intervals, judge
+from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, judge
 from cosim.effects import Effect, library
 from cosim.effects.constants import HALF
 from cosim.errors import InputError, Problem
-from cosim.measured import Label, Recording
+from cosim.measured import Recording
 from cosim.measured.rates import at_one_rate
 
 if TYPE_CHECKING:
     from cosim.closure.replay import Replay
     from cosim.closure.simulation import FreeSimulation
+    from cosim.closure.table import CarriedTable
 
 
 @frozen
@@ -49,7 +50,8 @@ class Closure:
     """Everything that was found.
 
     before: the model at the start, with the effects of an earlier pass, None where refused early. values_before,
-    values_after: start values of the device's FMU with either model, effect_values those of the effects alone.
+    values_after: start values of the device's FMU with either model, effect_values those of the effects alone; table:
+    what became of a torque over the position without a name, None where none was left.
     """
 
     recording: Recording
@@ -60,6 +62,7 @@ class Closure:
     floor: tuple[float | None, ...] = ()
     replay: Replay | None = None
     simulation: FreeSimulation | None = None
+    table: CarriedTable | None = None
     values_before: StartValues = field(factory=dict)
     values_after: StartValues = field(factory=dict)
     effect_values: StartValues = field(factory=dict)
@@ -117,6 +120,11 @@ def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdic
     """The closure of a verdict. Here the rows of the report are looked at, for the first time and once."""
     before = evolve(found.before, tangents=False)
     verdict = _no_worse(verdict, before)
+    table = _carried(recording, verdict, options) if options.replayed else None
+    if table is not None and table.taken:
+        from cosim.closure.table import with_table
+
+        verdict = with_table(verdict, table)
     model, best = verdict.models()
     closure = Closure(
         recording,
@@ -125,10 +133,11 @@ def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdic
         found,
         torque_error(before, best),
         floor(before),
-        values_before=_values(recording, before),
-        values_after=_values(recording, model),
-        effect_values=effects_drive(recording.device).start_values(_of_effects(model)),
-        warnings=(*recording.warnings, *_warnings(before, verdict), *_ended(found)),
+        values_before=start_values(recording, before),
+        values_after=start_values(recording, model),
+        effect_values=effect_values(recording, model),
+        table=table,
+        warnings=(*recording.warnings, *_warnings(before, verdict), *_ended(found), *_left(table)),
     )
     return _replayed(closure, options) if options.replayed else closure
 
@@ -162,6 +171,20 @@ def _no_worse(verdict: ClosureVerdict, before: Model) -> ClosureVerdict:
     )
 
 
+def _carried(recording: Recording, verdict: ClosureVerdict, options: Options) -> CarriedTable | None:
+    """The torque over the position that the FMU may carry; not taken where rows of the report contradict it."""
+    from cosim.closure.table import carried_table
+
+    table = carried_table(recording, verdict, options.progress)
+    if table is None or not table.taken or not _worse(torque_error(verdict.models()[0], table.model), {0}):
+        return table
+    return evolve(table, taken=False, why="rows of the report are no better with a torque over the position in the FMU")
+
+
+def _left(table: CarriedTable | None) -> list[str]:
+    return [] if table is None or table.taken else [table.why]
+
+
 def _worse(error: TorqueError, joints: set[int]) -> bool:
     """Whether the mean ratio of after to before over the joints is above one, with reversals and without."""
     moving = [j for j in joints if np.isfinite(error.before[j])]
@@ -169,39 +192,6 @@ def _worse(error: TorqueError, joints: set[int]) -> bool:
     return bool(moving) and all(
         np.mean([after[j] / max(before[j], 1e-12) for j in moving]) > 1 for before, after in pairs
     )
-
-
-def _values(recording: Recording, model: Model) -> StartValues:
-    """Start values of the device's FMU for a model: rigid body, friction, effects. Empty where it has no FMU.
-
-    A sign is a very narrow algebraic law.
-    """
-    drive = drive_of(recording.device)
-    if drive is None:
-        return {}
-    values = dict(zip(model.labels, map(float, model.fit.beta), strict=False))
-    if (declared := model.setting.body.declared) is not None:
-        values |= {Label("pi", k + 1): float(v) for k, v in enumerate(declared)}
-    for j, law in enumerate(model.laws):
-        values[Label.of_joint("coulomb_velocity", j)] = max(law.width, 1e-3 * _top(model, j))
-        values[Label.of_joint("coulomb_form", j)] = float(FORMS.index(law.form) if law.form in FORMS else 0)
-    for label, value in _of_effects(model).items():
-        values[label] = values.get(label, 0.0) + value
-    return drive.start_values(values)
-
-
-def _of_effects(model: Model) -> dict[Label, float]:
-    """Parameters of a model's effects; two that give the same one (an offset within a position torque) are added."""
-    out: dict[Label, float] = {}
-    for number, choice in enumerate(model.choices):
-        if choice.effect.name != "unknown":
-            for label, value in intervals(model, number)[0].items():
-                out[label] = out.get(label, 0.0) + value
-    return out
-
-
-def _top(model: Model, joint: int) -> float:
-    return float(np.percentile(np.abs(model.setting.motion.dq[:, joint]), 95))
 
 
 def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:

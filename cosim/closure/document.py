@@ -1,8 +1,10 @@
 """The answer as closure.json has it, with evidence, and in a sentence or two."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +12,10 @@ from cosim.closure.closure import Closure
 from cosim.closure.score.naming import Leftover
 from cosim.closure.verdict import Answer, NamedEffect
 from cosim.measured import Label
+
+if TYPE_CHECKING:
+    from cosim.closure.simulation import LevelledError
+    from cosim.closure.table import CarriedTable
 
 
 def answer(closure: Closure) -> dict[str, Any]:
@@ -83,14 +89,16 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
     out = []
     for joint, found in joints.items():
         signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
+        table = closure.table if joint == 0 else None
+        carried = table if table is not None and table.taken else None
         out.append(
             {
                 "name": "unknown",
                 "family": found[0].family.title,
                 "level": "family",
                 "joints": [joint + 1],
-                "parameters": {},
-                "interval": {},
+                "parameters": {str(label): value for label, value in carried.parameters.items()} if carried else {},
+                "interval": {str(label): list(pair) for label, pair in carried.interval.items()} if carried else {},
                 "signals": signals,
                 "indistinguishable_from": [],
                 "separated_by": found[0].family.separated_by,
@@ -98,11 +106,18 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
                     "sure": found[0].sure,
                     "nats": found[0].nats,
                     "share_of_torque": found[0].share,
+                    "stretches_left_out": None if table is None else _stretches(table),
                     "depends_on": [{"signals": list(x.signals), "form": x.family.title, "nats": x.nats} for x in found],
                 },
             }
         )
     return out
+
+
+def _stretches(table: CarriedTable) -> dict[str, Any]:
+    """Free simulation of stretches that the fit has not seen, with their own levels, without and with the table."""
+    without, carried = (_numbers(column) for column in table.errors.T)
+    return {"without": without, "with": carried, "in_the_fmu": table.taken}
 
 
 def _torque(closure: Closure) -> dict[str, Any]:
@@ -156,7 +171,37 @@ def _simulation(closure: Closure) -> dict[str, Any] | None:
     unit = "m" if closure.recording.description.prismatic else "rad"
     sides = {"before": s.before, "after": s.after}
     values = {name: None if side is None else _numbers(side) for name, side in sides.items()}
-    return {"metric": "rmse of position", "unit": unit, **values, "runs": list(s.runs)}
+    return {
+        "metric": "rmse of position",
+        "unit": unit,
+        **values,
+        "levelled": {"before": _levelled(s.levelled_before), "after": _levelled(s.levelled_after)},
+        "runs": list(s.runs),
+    }
+
+
+def _levelled(found: LevelledError | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    offset, coulomb = (list(column) for column in zip(*found.levels, strict=True))
+    return {"rmse": _number(found.rms), "torque_offset": offset, "coulomb": coulomb}
+
+
+def simulated(closure: Closure) -> str:
+    """The free simulation in a sentence; empty where there is none, or where nothing could be simulated after."""
+    s = closure.simulation
+    if s is None or s.after is None:
+        return ""
+    unit = "m" if closure.recording.description.prismatic else "rad"
+    before = "ran away" if s.before is None else ", ".join(f"{v:.3g}" for v in s.before)
+    text = f"Free simulation by joint: {before} -> {', '.join(f'{v:.3g}' for v in s.after)} {unit}"
+    if s.levelled_before is None or s.levelled_after is None:
+        return f"{text}."
+    levels = np.mean(s.levelled_after.levels, axis=0)
+    return (
+        f"{text}; with offset and Coulomb level of the reported rows ({levels[0]:+.3g}, {levels[1]:+.3g} beside the "
+        f"fitted ones) {s.levelled_before.rms:.3g} -> {s.levelled_after.rms:.3g} {unit}."
+    )
 
 
 def _candidates(closure: Closure) -> list[dict[str, Any]]:
@@ -212,9 +257,18 @@ def sentence(closure: Closure) -> str:
     if verdict.answer is Answer.UNEXPLAINED:
         left = left or next((f"{c.effect.name} was withdrawn: {why}" for c, why in verdict.withdrawn), "")
         left = left or next((f"{e.run}, {e.time:.3f} s: {e.kind}" for e in verdict.events), "")
-        return f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
-    rest = f" Something else is left without a name ({left})." if left else ""
+        text = f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
+        return text + _carried(closure)
+    rest = f" Something else is left without a name ({left}).{_carried(closure)}" if left else ""
     return f"effect_found: {new}{beside}. {held}{rest}"
+
+
+def _carried(closure: Closure) -> str:
+    """What became of a torque over the position that has no name."""
+    table = closure.table
+    if table is None or not table.taken:
+        return ""
+    return f" {table.why[0].upper()}{table.why[1:]}. {simulated(closure)}"
 
 
 def _left(leftover: Leftover) -> str:

@@ -185,19 +185,21 @@ def _of_every_joint(rows: Mapping[str, list[float]]) -> StartValues:
 @final
 @frozen
 class JointDrive(Drive):
-    """AxisDrive: one joint, scalar parameters."""
+    """AxisDrive: one joint, scalar parameters but for the knots of a torque without a name."""
 
     model: ClassVar[str] = "AxisDrive"
+    WIDTHS: ClassVar[Mapping[str, int]] = dict.fromkeys(("nameless_torque", "nameless_friction"), 10)
 
     def variable(self, name: str, joint: int) -> str:
         return name
 
     def start_values(self, parameters: Mapping[Label, float]) -> StartValues:
+        rows = {label: value for label, value in parameters.items() if label.name in self.WIDTHS}
         return {
             label.name: value
             for label, value in parameters.items()
-            if label.index is not None or label.name.isidentifier()
-        }
+            if label not in rows and (label.index is not None or label.name.isidentifier())
+        } | _in_rows(rows, 1, self.WIDTHS)
 
     def start_of(self, q: np.ndarray, dq: np.ndarray) -> StartValues:
         return {"q_start": float(q[0]), "dq_start": float(dq[0])}

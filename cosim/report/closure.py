@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.closure.closure import Closure
-from cosim.closure.document import effective, sentence
+from cosim.closure.document import effective, sentence, simulated
 from cosim.closure.model.model import Model
 from cosim.closure.output import write
 from cosim.closure.score.errors import torque
@@ -341,12 +341,8 @@ def _replay(closure: Closure) -> Section | None:
         "A replay can disagree with the torque error: its errors feed back "
         "through the controller."
     )
-    if s := closure.simulation:
-        unit = "m" if closure.recording.description.prismatic else "rad"
-        sides = ("ran away" if x is None else ", ".join(f"{v:.3g}" for v in x) for x in (s.before, s.after))
-        text += "\n\nFree simulation, the recorded torque alone, RMS of position by joint: {} -> {} {}.".format(
-            *sides, unit
-        )
+    if found := simulated(closure):
+        text += f"\n\n{found}"
     if r.warnings:
         text += "\n\n" + "\n\n".join(r.warnings)
     return Section("Replay as a co-simulation", text, [Table(header, rows, digits=3)], figures)

@@ -50,15 +50,24 @@ def rows(folder: Path) -> Iterator[tuple[str, Closure]]:
     yield "pendulum, torque computed from the state", pendulum(folder / "dfki_pendulum_1dof", "gravity_comp")
 
 
+def simulated(found: Closure) -> Iterator[float]:
+    """Free simulation before, after, both with the levels of the reported rows [rad or m]; 0 where there is none."""
+    s = found.simulation
+    for side in (None, None) if s is None else (s.before, s.after):
+        yield 0.0 if side is None else side[0]
+    for side in (None, None) if s is None else (s.levelled_before, s.levelled_after):
+        yield 0.0 if side is None else side.rms
+
+
 def main(folder: Path = SHARED) -> None:
     print(
-        "| recording | torque error before | after | unfiltered replay "
-        "before | after | named |\n|---|---|---|---|---|---|"
+        "| recording | torque error before | after | unfiltered replay before | after "
+        "| free simulation before | after | with its own levels before | after | named |\n" + "|---" * 10 + "|"
     )
     for label, found in rows(folder):
         errors = ("", "") if found.error is None else (found.error.before[0], found.error.after[0])
         replays = ("", "") if found.replay is None else (found.replay.raw_before[0], found.replay.raw_after[0])
-        cells = [f"{x:.3g}" if x else "" for x in (*errors, *replays)]
+        cells = [f"{x:.3g}" if x else "" for x in (*errors, *replays, *simulated(found))]
         print(
             "|",
             " | ".join(

@@ -29,9 +29,9 @@ KINDS = {
     """,
     "controllers and replays": """
         controller.0.9 controller.CLOSE controller.PULSES controller.0.999 controller.0.001 controller.0.01 drive.STEPS
-        replay.LATE replay.LEAST simulation.FIRST
+        replay.LATE replay.LEAST simulation.FIRST table.FIRST table.STRETCHES
     """,
-    "warnings": "closure.0.3 closure.0.5 closure.1.01 closure.FORMS",
+    "warnings": "closure.0.3 closure.0.5 closure.1.01 fitted.FORMS",
 }
 
 

@@ -46,9 +46,15 @@ def test_a_device_without_an_fmu_has_no_free_simulation():
 
 
 def test_emps_simulates_as_its_authors_published(shared_data):
-    """8.41 mm on the test pulses, open loop, the first 20 samples for the state at the start."""
+    """8.41 mm on the test pulses, open loop, the first 20 samples for the state at the start.
+
+    Nearly all of it is the Coulomb level, 1.2 N (6 %) higher on that file than on the fitted one: with offset and level
+    of the file itself, what is found leaves less than half of what the complete model leaves.
+    """
     found = emps(shared_data)
     sharp = {**PUBLISHED, "coulomb_velocity": 1e-4}
     assert simulate(found.recording, sharp, sharp).before[0] == pytest.approx(8.41e-3, rel=0.01)
-    assert found.simulation.before[0] < 8.41e-3  # the named effect does not help here: closure/README.md
-    assert found.simulation.after[0] < 8.41e-3
+    assert found.table.taken and (found.table.errors[:, 1] < found.table.errors[:, 0]).all()
+    before, after = found.simulation.levelled_before, found.simulation.levelled_after
+    assert after.rms < 1.1e-3 < 0.5 * before.rms
+    assert after.levels[0][1] > 1.0 and abs(after.levels[0][0]) < 0.3

@@ -41,20 +41,15 @@ def _of_effects(model: Model) -> dict[Label, float]:
 
 def without(model: Model, blocks: np.ndarray) -> Model:
     """The model with the coefficients that it would have without some of the fitted blocks (T,) marked true."""
-    fit, t = model.fit, model.setting.rows.train_blocks
+    fit, t = model.fit, len(blocks)
     weight = fit.weight[:t] * ~blocks[:, None]
     g = np.einsum("bjpq,bj->pq", model.gram.g[:t], weight)
     h = np.einsum("bjp,bj->p", model.gram.h[:t], weight)
     scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
     extra = np.diag(fit.penalty + model.precision * scale**2)
     beta = np.linalg.solve(g * scale[:, None] * scale + extra, h * scale) * scale
-    return with_coefficients(model, beta)
-
-
-def with_coefficients(model: Model, beta: np.ndarray) -> Model:
-    """The model with other coefficients (p,) than its fit gave."""
     new = evolve(model)
-    new.fit = evolve(model.fit, beta=beta)
+    new.fit = evolve(fit, beta=beta)
     return new
 
 

@@ -1,7 +1,6 @@
 """The two errors that a user meets: bad input (exit code 2) and a run that an FMU failed (exit code 1)."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 from attrs import frozen
 
@@ -48,5 +47,7 @@ class RunError(Exception):
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Advice that names the closest known words, empty where none is close."""
+    from difflib import get_close_matches
+
     close = get_close_matches(word, list(known), n=2, cutoff=0.5)
     return f"did you mean {' or '.join(repr(c) for c in close)}?" if close else ""

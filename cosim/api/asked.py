@@ -34,8 +34,6 @@ def asked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _problem(function: Callable[..., Any], signature: inspect.Signature, name: str, value: object) -> Problem | None:
-    from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
-
     parameter = signature.parameters[name]
     kind = parameter.annotation
     if parameter.kind is parameter.VAR_POSITIONAL:
@@ -44,6 +42,10 @@ def _problem(function: Callable[..., Any], signature: inspect.Signature, name: s
         return None
     if isinstance(kind, str):
         kind = eval(kind, inspect.unwrap(function).__globals__)
+    if _plainly(value, kind):
+        return None  # most calls, for which typeguard need not be imported
+    from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
+
     try:
         check_type(
             _plain(value),
@@ -54,6 +56,15 @@ def _problem(function: Callable[..., Any], signature: inspect.Signature, name: s
         got = f"{value!r:.80} ({type(value).__name__})"
         return Problem(f"{function.__name__}(): {name}", _words(kind), got)
     return None
+
+
+def _plainly(value: object, kind: Any) -> bool:
+    """Whether the value is of a class, of one of several, or a list of such, and so surely of that type."""
+    if get_origin(kind) in (Union, UnionType):
+        return any(_plainly(value, part) for part in get_args(kind))
+    if get_origin(kind) in (Iterable, Sequence) and isinstance(value, list):
+        return all(_plainly(item, *get_args(kind)) for item in value)
+    return isinstance(kind, type) and not get_args(kind) and isinstance(value, kind)
 
 
 def _plain(value: object) -> object:

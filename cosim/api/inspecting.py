@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cosim.fmu import FmuContents, contents
+from cosim.fmu.contents import FmuContents, contents
 
 
 def inspect(file: str | Path) -> FmuContents:

@@ -117,13 +117,19 @@ class SignalColumns(Mapping[str, np.ndarray]):
         self.every: int = every
         self._place: dict[str, int] | None = None
 
-    def _number(self, name: str) -> int:
+    def _places(self) -> Mapping[str, int]:
         if self._place is None:
             self._place = {name: i for i, name in enumerate(self.names)}
-        return self._place[name]
+        return self._place
+
+    def _number(self, name: str) -> int:
+        return self._places()[name]
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.rows.columns(self._number(name), self.count, self.every)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)

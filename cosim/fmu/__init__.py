@@ -3,7 +3,6 @@
 The only part of cosim that imports fmpy. One call sets the inputs of an instance and one gets its outputs.
 """
 
-from cosim.fmu.contents import FmuContents, contents
 from cosim.fmu.description import describe, descriptions
 from cosim.fmu.fmi2 import Fmi2Instance
 from cosim.fmu.fmi3 import Fmi3Instance
@@ -14,10 +13,8 @@ from cosim.fmu.system import FmuSet, load, open_system
 __all__ = [
     "Fmi2Instance",
     "Fmi3Instance",
-    "FmuContents",
     "FmuInstance",
     "FmuSet",
-    "contents",
     "describe",
     "descriptions",
     "extracted",

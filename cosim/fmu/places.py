@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.errors import InputError, Problem, RunError, did_you_mean
-from cosim.measured.reader import signals
 from cosim.scenario import Component, Scenario, joints_of
 
 if TYPE_CHECKING:
@@ -154,6 +153,8 @@ def read_columns(path: Path, time: str, names: Sequence[str], progress: Progress
 def _read_columns(
     path: str, _: tuple[int, int], time: str, names: tuple[str, ...]
 ) -> tuple[np.ndarray, tuple[str, ...]]:
+    from cosim.measured.reader import signals  # most scenarios play no recording
+
     notes: list[str] = []
     stamps, values = signals(Path(path), time, names, notes.append)
     return np.column_stack([stamps, values]), tuple(notes)

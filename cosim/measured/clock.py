@@ -6,6 +6,8 @@ makes errors of one size on any stamps. On stamps that mean nothing the even gri
 than half of the rows: a sign test, widened by the five rows that neighbouring errors share.
 """
 
+import itertools
+
 import numpy as np
 from attrs import evolve
 
@@ -70,37 +72,38 @@ def without_copies(stretch: Stretch, notes: Notes) -> Stretch:
 
 def continued(stretch: Stretch, notes: Notes) -> Stretch:
     """The stretch with its time continued where the clock was set, back or forward, though the motion goes on."""
-    time, last = stretch.time.copy(), 0
-    steps = np.diff(time)
+    steps = np.diff(stretch.time)
     step = float(np.median(steps)) if len(steps) else 0.0
     if not stretch.positions or step <= 0:
         return stretch
+    rows: list[int] = []  # before which the clock was set
     for kind, places in (("back", np.flatnonzero(steps < 0)), ("forward", np.flatnonzero(steps > MISSED * step))):
-        if len(places) > max(len(time) // SELDOM, 1):
+        if len(places) > max(len(steps) // SELDOM, 1):
             continue
         going = [int(k) for k in places if _goes_on(stretch, int(k))]
-        joined = [k for k in going if kind == "back" or _leaps(stretch, k, step)]
-        for k in joined:
-            time[k + 1 :] += time[k] + step - time[k + 1]
+        joined = [k + 1 for k in going if kind == "back" or _leaps(stretch, k, step)]
         if joined:
-            shifts = ", ".join(f"{abs(stretch.time[k] + step - stretch.time[k + 1]):.4g} s" for k in joined[:4])
+            shifts = ", ".join(f"{abs(steps[k - 1] - step):.4g} s" for k in joined[:4])
             text = (
                 f"{stretch.name}: the clock was set {kind} at {len(joined)} rows ({shifts}) though the motion goes on"
             )
-            notes(f"{text}: continued with its step", f"clock set {kind}", stretch.numbers(np.array(joined) + 1))
-            last = max(last, joined[-1] + 1)
-    return evolve(stretch, time=time, pace=_pace(stretch, time, last, notes))
+            notes(f"{text}: continued with its step", f"clock set {kind}", stretch.numbers(np.array(joined)))
+            rows += joined
+    if not rows:
+        return stretch
+    time = stretch.time.copy()
+    for first, last in itertools.pairwise((*sorted(rows), len(time))):
+        time[first:last] = time[first - 1] + step + (stretch.time[first:last] - stretch.time[first])
+    return evolve(stretch, time=time, pace=_pace(stretch, time, max(rows), notes))
 
 
 def _pace(stretch: Stretch, time: np.ndarray, last: int, notes: Notes) -> float:
     """Seconds for one of the continued time (n,) if the clock was right in the first row and when it was set for the
-    last time, before row `last`: then it runs fast or slow between. 1 where it was not set, or by more than such a
-    clock would need.
+    last time, before row `last`: then it runs fast or slow between. 1 where it was set by more than such a clock would
+    need.
 
     A clock that ran before the first row had more time to be wrong: it is that wrong at most.
     """
-    if not last:
-        return 1.0
     pace = float((stretch.time[last] - stretch.time[0]) / (time[last] - time[0]))
     if pace == 1 or abs(pace - 1) > FREE:
         return 1.0

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from attrs import evolve
 
-from cosim.apart import UnreadableError, damaged, read_apart
 from cosim.engine.master import Identity, Result
 from cosim.engine.outcome import Outcome
 from cosim.engine.table import blocks
@@ -100,6 +99,8 @@ def _found(path: Path, content: Callable[[Any], Any], expected: str) -> Any:
     """What `content` finds in the open file. Raises InputError."""
     import h5py
 
+    from cosim.apart import UnreadableError, read_apart
+
     def read() -> Any:
         with h5py.File(path, "r") as file:
             return content(file)
@@ -117,6 +118,8 @@ def _starts(file: Any) -> str:
 
 def read_h5(path: Path | str) -> Result:
     """A result as it was written. Raises InputError where the file is none."""
+    from cosim.apart import damaged
+
     found = _found(Path(path), _stored, "a result of cosim")
     try:
         return _result(found)

@@ -13,6 +13,7 @@ import numpy as np
 from attrs import frozen
 
 from cosim.engine.master import Result
+from cosim.engine.table import stacked
 from cosim.signals import stem
 from cosim.wiring import Wiring
 
@@ -101,11 +102,12 @@ class PortPlace:
 
     def forces(self, signals: Mapping[str, np.ndarray]) -> np.ndarray:
         """Forces (n, k) of recorded signals."""
-        return np.column_stack([gain * signals[name] + shift for name, gain, shift in self.force])
+        names, gains, shifts = zip(*self.force, strict=True)
+        return stacked(signals, names) * np.array(gains) + np.array(shifts)
 
     def velocities(self, signals: Mapping[str, np.ndarray]) -> np.ndarray:
         """Velocities (n, k) of recorded signals."""
-        return np.column_stack([signals[name] for name in self.velocity])
+        return stacked(signals, self.velocity)
 
 
 def port_places(wiring: Wiring, signals: Container[str]) -> dict[str, list[PortPlace]]:

@@ -94,10 +94,11 @@ def _check_set(component: Component, where: str) -> list[Problem]:
     if component.parameter_set is None:
         return []
     from cosim.arm.parameters import Mounting, parameter_set
-    from cosim.arm.published import published_arm
 
     try:
         if component.model == "SerialArm":
+            from cosim.arm.published import published_arm
+
             published_arm(component.parameter_set)
             return []
         chosen = parameter_set(component.parameter_set)

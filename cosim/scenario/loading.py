@@ -13,7 +13,6 @@ from cosim.scenario.checking import check
 from cosim.scenario.parts import FORMAT, Component, Experiment, Teleoperation
 from cosim.scenario.reading import connections_of, record_of, table_of, unknown_keys
 from cosim.scenario.scenario import Scenario
-from cosim.scenario.ssp_grammar import STRUCTURE
 
 _TOP = {
     "format",
@@ -114,9 +113,17 @@ def shipped(room: str = "scenario") -> list[Path]:
     return sorted(Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
+def _is_ssp_folder(path: Path) -> bool:
+    if not path.is_dir():
+        return False
+    from cosim.scenario.ssp_grammar import STRUCTURE
+
+    return (path / STRUCTURE).is_file()
+
+
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if (path / STRUCTURE).is_file():
+    if _is_ssp_folder(path):
         return path.resolve()
     known = {entry.stem: entry for entry in shipped()}
     if str(name_or_path) in known and not path.is_file():

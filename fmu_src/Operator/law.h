@@ -17,13 +17,22 @@ static inline real operator_grip(const OperatorModel *m, int i) {
     return m->grip_stiffness * (m->hand_x[i] - m->x[i]) + m->grip_damping * (m->hand_dx[i] - m->dx[i]);
 }
 
+/* Whether there is a hand in any lane; where there is none, nothing moves it. */
+static inline int operator_has_hand(const OperatorModel *m) {
+    return any(m->hand_mass > 0.0);
+}
+
 /* Of the reference's motion at time t. */
 static inline real operator_reference(const OperatorModel *m, double t) {
-    return operator_sine(m->reference_frequency * t);
+    return operator_has_hand(m) ? operator_sine(m->reference_frequency * t) : real_of(0.0);
 }
 
 /* m ddx_h = k (reference(t) - x_h) - b dx_h - grip; sine: operator_reference now */
 static inline void operator_motion(OperatorModel *m, real sine) {
+    if (!operator_has_hand(m)) {
+        for (int i = 0; i < 3; i++) m->hand_ddx[i] = real_of(0.0);
+        return;
+    }
     for (int i = 0; i < 3; i++) {
         const real reference = m->reference[i] + m->reference_amplitude[i] * sine;
         const real force = m->hand_stiffness[i] * (reference - m->hand_x[i]) - m->hand_damping[i] * m->hand_dx[i] -
@@ -48,8 +57,9 @@ static inline void operator_outputs(const OperatorModel *m, double t, real f[3])
     const mask pushes = on & ((m->amplitude[0] != 0.0) | (m->amplitude[1] != 0.0) | (m->amplitude[2] != 0.0));
     const real turns = m->frequency * t + m->phase / (2.0 * PI);
     const real sine = any(pushes) ? choose(pushes, operator_sine(turns), none) : none;
+    const int held = operator_has_hand(m);
     for (int i = 0; i < 3; i++)
-        f[i] = m->amplitude[i] * sine + m->f_recorded[i] + choose(hand, operator_grip(m, i), none);
+        f[i] = m->amplitude[i] * sine + m->f_recorded[i] + (held ? choose(hand, operator_grip(m, i), none) : none);
 }
 
 #endif

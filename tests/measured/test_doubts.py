@@ -206,6 +206,15 @@ def test_a_clock_that_was_set_by_seconds_is_no_clock_that_runs_fast(clean, tmp_p
     assert "pace of the clock" not in {doubt.kind for doubt in data.doubts} and data.runs[0].pace == 1
 
 
+def test_a_single_wild_stamp_touches_no_other(clean, tmp_path):
+    t = clean.t.copy()
+    t[277] = 2.0**63
+    data, found = identified(evolve(clean, t=t), tmp_path)
+    # 9 digits of a file: a stamp of 20 s is known to 1e-7 s, the step, from end to end, to 1e-11
+    assert [len(run) for run in data.runs] == [len(t)] and data.runs[0].step == pytest.approx(0.002, abs=1e-10)
+    assert found["inertia"]["interval"][0] <= TRUTH["inertia"] <= found["inertia"]["interval"][1]
+
+
 OTHERWISE = ("dropout", "overflow", "sentinel", "clipped", "held samples", "arrival", "clock", "repeated block")
 
 

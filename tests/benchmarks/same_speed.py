@@ -1,0 +1,89 @@
+"""Whether a version of the project computes the shipped scenarios as fast as another.
+
+    python -m tests.benchmarks.same_speed OLD/.venv/bin/cosim NEW/.venv/bin/cosim [--times 7] [--only TEXT]
+
+Processor time of `cosim run SCENARIO --no-report`, both versions in turn on the same machine, so that its load is the
+same for both: of the scenario as it is, and of one that is `LONGER` times as long. What the longer one takes more is
+the co-simulation with its twin and verdict; what is left of the shorter one is the start of the command. Medians and
+their ratios; the last line is that of all scenarios together, and the exit code is 1 where its ratio is above 1.02.
+FMUs are compiled before, by a run that does not count.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import cosim
+from tests.benchmarks.same_bits import shipped
+
+MOST = 1.02
+LONGER = 6
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("old", type=Path, help="`cosim` of the version before")
+    parser.add_argument("new", type=Path, help="`cosim` of the version after")
+    parser.add_argument("--times", type=int, default=7, help="runs of each")
+    parser.add_argument("--only", default="", help="scenarios whose name contains this text")
+    options = parser.parse_args()
+    found = []
+    print(
+        f"{'processor time, s':28s} {'simulated: old':>15s} {'new':>7s} {'ratio':>6s} {'start: old':>11s} {'new':>7s}"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for scenario in (name for name in shipped(options.old) if options.only in name):
+            found.append(measured((options.old, options.new), scenario, options.times, Path(folder)))
+            print(row(scenario, found[-1]), flush=True)
+    whole = np.sum(found, axis=0)
+    print(row(f"all {len(found)}", whole))
+    return int(bool(whole[0, 1] / whole[0, 0] > MOST))
+
+
+def measured(programs: tuple[Path, Path], scenario: str, times: int, folder: Path) -> np.ndarray:
+    """Medians [s], [[simulated old, new], [start old, new]]: of the scenario's own length."""
+    stop = cosim.load(scenario).experiment.stop
+    commands = [
+        [
+            str(program),
+            "run",
+            scenario,
+            "--no-report",
+            "--out",
+            str(folder),
+            "--set",
+            f"experiment.stop={factor * stop}",
+        ]
+        for program in programs
+        for factor in (1, LONGER)
+    ]
+    for command in commands:
+        spent(command)
+    seconds = np.array([[spent(command) for command in commands] for _ in range(times)]).reshape(times, 2, 2)
+    simulated = np.median(seconds[:, :, 1] - seconds[:, :, 0], axis=0) / (LONGER - 1)
+    return np.array([simulated, np.median(seconds[:, :, 0], axis=0) - simulated])
+
+
+def spent(command: list[str]) -> float:
+    """Processor time [s] of a command and of its children."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{' '.join(command)}: exit code {process.returncode}")
+    return used.ru_utime + used.ru_stime
+
+
+def row(name: str, seconds: np.ndarray) -> str:
+    """A line for the medians of `measured`."""
+    (old, new), (begun, now) = seconds
+    return f"{name:28s} {old:15.3f} {new:7.3f} {new / old:6.3f} {begun:11.3f} {now:7.3f}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -91,6 +91,7 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
         signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
         table = closure.table if joint == 0 else None
         carried = table if table is not None and table.taken else None
+        tests = [f"{e.name}: the arm's equations of motion (its URDF)" for e in found[0].laws]
         out.append(
             {
                 "name": "unknown",
@@ -100,8 +101,9 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
                 "parameters": {str(label): value for label, value in carried.parameters.items()} if carried else {},
                 "interval": {str(label): list(pair) for label, pair in carried.interval.items()} if carried else {},
                 "signals": signals,
-                "indistinguishable_from": [],
-                "separated_by": found[0].family.separated_by,
+                "indistinguishable_from": [e.name for e in found[0].laws],
+                "or_signals": [list(f.signals) for f in found[0].others],
+                "separated_by": "; ".join((*tests, found[0].family.separated_by)),
                 "evidence": {
                     "sure": found[0].sure,
                     "nats": found[0].nats,
@@ -273,12 +275,14 @@ def _carried(closure: Closure) -> str:
 
 def _left(leftover: Leftover) -> str:
     signals = " and ".join(leftover.signals)
+    others = [*(f.title for f in leftover.others), *(e.name for e in leftover.laws)]
+    alike = f", not told from {' or '.join(others)}" if others else ""
     if leftover.sure:
         words = leftover.family.words
-        return f"the residual of joint {leftover.joint + 1} depends on {signals}{words and f': {words}'}"
+        return f"the residual of joint {leftover.joint + 1} depends on {signals}{words and f': {words}'}{alike}"
     return (
         f"joint {leftover.joint + 1} leaves more than its sensors' noise; no "
-        f"signal surely explains it, {signals} comes closest"
+        f"signal surely explains it, {signals} comes closest{alike}"
     )
 
 

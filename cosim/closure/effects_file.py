@@ -1,6 +1,7 @@
 """effects.toml: the effects that were found, as start values of an FMU and for the next pass of the loop."""
 
 import sys
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,9 @@ def load(path: Path | str, effects: Sequence[Effect], recording: Recording | Non
     path = Path(path)
     problems: list[Problem] = []
     table = _table(path, problems)
-    entries, known = table.get("effects", []), {effect.name: effect for effect in effects}
+    entries, known = table.get("effects", []), defaultdict[str, list[Effect]](list)
+    for effect in effects:
+        known[effect.name].append(effect)
     if not isinstance(entries, list):
         raise InputError([*problems, Problem(f"{path}: effects", "tables [[effects]]", repr(entries))])
     scene = _scene(recording) if recording is not None and entries else None
@@ -91,7 +94,7 @@ def _number(value: object) -> bool:
 
 
 def _choice(
-    where: str, entry: object, known: Mapping[str, Effect], scene: Scene | None, problems: list[Problem]
+    where: str, entry: object, known: Mapping[str, list[Effect]], scene: Scene | None, problems: list[Problem]
 ) -> ChosenEffect | None:
     """The choice of an entry; what is wrong with it is appended."""
     if not isinstance(entry, dict):
@@ -115,7 +118,9 @@ def _choice(
     problems += wrong
     if wrong:
         return None
-    choice = ChosenEffect(known[name], tuple(j - 1 for j in joints or ()), tuple(map(float, theta)))
+    places = tuple(j - 1 for j in joints or ())
+    fitting = [e for e in known[name] if scene is not None and places in e.joint_sets(scene)]
+    choice = ChosenEffect((*fitting, *known[name])[0], places, tuple(map(float, theta)))
     problems += [] if scene is None else _unfit(where, choice, scene)
     return choice
 

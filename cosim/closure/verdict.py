@@ -20,7 +20,7 @@ from cosim.effects.constants import SAME
 from cosim.effects.motion import Joints
 from cosim.measured import Label
 
-LISTED = 2  # alternatives named beside an effect; more stand in its evidence
+KINDS = {"rad": "q", "m": "q", "rad/s": "dq", "m/s": "dq", "N.m": "tau", "N": "tau"}  # further signals, by unit
 SKEW = 0.3
 """Samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs. A wall of stiffness k [N/m] shows d [s] of it as a
 damping k d."""
@@ -94,10 +94,8 @@ class NamedEffect:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """The first `LISTED` of them; `unknown` is the last where something without a name may stand behind this
-        one.
-        """
-        return (*self.alike[: LISTED - 1], "unknown") if self.doubts else self.alike[:LISTED]
+        """All of them; `unknown` is the last where something without a name may stand behind this one."""
+        return (*self.alike, *(("unknown",) if self.doubts else ()))
 
     @property
     def separated_by(self) -> str:
@@ -150,7 +148,7 @@ def judge(
     )
     moments = events(model)
     bare = {j: why for j, why in incomplete(model).items() if j not in {x.joint for x in left}}
-    left += _closest(model, bare)
+    left = tuple(evolve(x, laws=_unseen(model, x, effects)) for x in (*left, *_closest(model, bare)))
     doubts = bare | {e.joint: e.kind for e in moments}
     findings = tuple(
         evolve(f, doubts=(*f.doubts, *(why for j, why in doubts.items() if f.acting == (j,)))) for f in findings
@@ -163,10 +161,17 @@ def judge(
     return ClosureVerdict(answer, findings, found.withdrawn, left, moments, plain, best)
 
 
+def _unseen(model: Model, left: Leftover, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Effects that the device cannot test and whose torque depends on nothing else than what is left."""
+    units = model.scene.units
+    kinds = left.family.kinds - set(units) | {KINDS.get(units[s], s) for s in left.signals if s in units}
+    return tuple(e for e in effects if kinds <= set(e.unseen(model.scene)))
+
+
 def _closest(model: Model, joints: dict[int, str]) -> tuple[Leftover, ...]:
     """Where only the size of a residual shows that something is missing: the family that comes closest."""
     place = best_families(model, tuple(joints), need=False) if joints else {}
-    return tuple(Leftover(x.choice, gained(m, model, (j,)), x.share, sure=False) for j, (m, x) in place.items())
+    return tuple(fitted.leftover(model, sure=False) for fitted in place.values())
 
 
 def _finding(

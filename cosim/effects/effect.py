@@ -147,6 +147,12 @@ class Effect(ABC):
         """Why this data cannot show the effect; empty where it can."""
         return ""
 
+    def unseen(self, scene: Scene) -> tuple[str, ...]:
+        """Kinds of signals ("q", "ddq", "tau") that its torque on one joint depends on, where only equations of motion
+        that the device does not have would show it as itself; empty where it can be tested or the model holds it.
+        """
+        return ()
+
     def unphysical(self, estimate: EffectEstimate) -> str:
         """Why the estimate cannot be this effect; empty where it can."""
         return ""

@@ -38,6 +38,9 @@ class BaseTilt(Effect):
         arm, pi = self._arm(scene)
         return "the arm is balanced: gravity has no moment" if arm.geometry.balanced(pi) else ""
 
+    def unseen(self, scene: Scene) -> tuple[str, ...]:
+        return ("q",) if scene.device.recorded_columns else ()
+
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         arm, pi = self._arm(scene)
         return arm.geometry.tilt_torque(scene.motion.q, pi)
@@ -78,6 +81,9 @@ class EncoderOffset(Effect):
     def untestable(self, scene: Scene, joints: Joints) -> str:
         return "the device has no equations of motion" if scene.rigid_slopes is None else ""
 
+    def unseen(self, scene: Scene) -> tuple[str, ...]:
+        return ("q", "ddq") if scene.device.recorded_columns else ()
+
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         return displaced(scene, joints[0], -np.ones((len(scene.motion.time), 1)))
 
@@ -109,6 +115,10 @@ class Payload(Effect):
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if scene.declared else "absorbed in the fitted parameters: declare them to see it"
+
+    def unseen(self, scene: Scene) -> tuple[str, ...]:
+        told = scene.device.recorded_columns and scene.motion.regressor is None  # fitted columns absorb it
+        return ("q", "ddq", "tau") if told else ()
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         assert scene.arm is not None, "only an arm has a set of joints for this effect"

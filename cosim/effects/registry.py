@@ -17,7 +17,7 @@ from cosim.effects.load import LoadFriction
 from cosim.effects.mounting import BaseTilt, EncoderOffset, Payload
 from cosim.effects.position import Hysteresis, PositionFriction, PositionTorque, TorqueRipple
 from cosim.effects.speed import CoulombAsymmetry, QuadraticDrag, Stribeck, TorqueOffset, ViscousAsymmetry
-from cosim.effects.surroundings import ExternalContact, FrictionDrift, JointCoupling
+from cosim.effects.surroundings import ExternalContact, FrictionDrift, JointCoupling, JointStop
 from cosim.effects.transmission import Backlash, JointElasticity
 from cosim.errors import InputError, Problem
 from cosim.measured.label import Label
@@ -46,6 +46,7 @@ BUILT_IN = (
     EncoderOffset(),
     FrictionDrift(),
     ExternalContact(),
+    JointStop(),
     JointCoupling(),
 )
 
@@ -226,6 +227,10 @@ _EXPECTED: dict[str, tuple[str, Callable[[object, tuple[Any, ...]], bool]]] = {
     "inherent": (
         "aliases in a tuple",
         lambda value, arguments: isinstance(value, tuple) and all(isinstance(alias, Alias) for alias in value),
+    ),
+    "unseen": (
+        "texts in a tuple",
+        lambda value, arguments: isinstance(value, tuple) and all(isinstance(kind, str) for kind in value),
     ),
     "untestable": _TEXT,
     "unphysical": _TEXT,

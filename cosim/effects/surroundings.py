@@ -1,5 +1,8 @@
 """Effects of time and of the outside: friction drift, undeclared contact, coupling between joints."""
 
+from collections.abc import Hashable
+from typing import ClassVar
+
 import numpy as np
 
 from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
@@ -151,6 +154,74 @@ class ExternalContact(Effect):
             if inside > 0.6
             else ""
         )
+
+
+class JointStop(Effect):
+    """Something is met by one joint beyond an angle: a stop, a cushion, a hand; theta = (side, angle [rad], lead [s]).
+
+    side is 1 where it is met at larger angles, -1 at smaller ones. It pushes while x = side (q - angle) > 0 and
+    x + lead side dq > 0: lead is c / k where it fits best.
+    """
+
+    name = "external_contact"
+    form: float = 0.01
+    title = "a stop or a contact of one joint"
+    equation = "tau += side max(k x + c dx, 0) where x = side (q - angle) > 0, k > 0"
+    source = "unilateral spring"
+    unit = "N.m/rad"
+    signals: tuple[str, ...] = ("q", "dq")
+    aliases: tuple[Alias, ...] = ()
+    needs = "a contact that is entered and left several times"
+    SHARES: ClassVar[tuple[float, ...]] = (50, 65, 75, 83, 89, 93, 96, 98, 99.3)
+
+    @property
+    def key(self) -> Hashable:
+        return self.name, "one joint"
+
+    def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
+        q = scene.motion.q[:, joints[0]]
+        high, low = np.percentile(q, self.SHARES), np.percentile(q, 100 - np.array(self.SHARES))
+        return (*((1.0, float(d), 0.0) for d in high), *((-1.0, float(d), 0.0) for d in low))
+
+    def continuous(self, theta: Theta) -> tuple[int, ...]:
+        return (1, 2)
+
+    def moved(self, theta: Theta, index: int, step: float) -> Theta:
+        side, angle, lead = theta
+        return (side, angle + 0.2 * step, lead) if index == 1 else (side, angle, max(lead + 0.04 * step, 0.0))
+
+    def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
+        (j,), (side, angle, lead), m = joints, theta, scene.motion
+        depth, speed = side * (m.q[:, j] - angle), side * m.dq[:, j]
+        pushes = (depth > 0) & (depth + lead * speed > 0)
+        return {j: side * np.where(pushes, (depth, speed), 0.0).T}
+
+    def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
+        return (per_joint("stop_stiffness", joints), per_joint("stop_damping", joints))
+
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
+        stiffness, damping = self.labels(estimate.joints, estimate.theta)
+        side, angle, _ = estimate.theta
+        values = {stiffness: float(estimate.beta[0]), damping: max(float(estimate.beta[1]), 0.0)}
+        return values | {per_joint("stop_side", estimate.joints): side, per_joint("stop_angle", estimate.joints): angle}
+
+    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
+        return (per_joint("stop_side", joints), per_joint("stop_angle", joints))
+
+    def unphysical(self, estimate: EffectEstimate) -> str:
+        if estimate.beta[0] < 0:
+            return "a stop that pulls"
+        if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
+            return "damping of the stop that feeds energy in"
+        side, angle, _ = estimate.theta
+        inside = float((side * (estimate.scene.motion.q[:, estimate.joints[0]] - angle) > 0).mean())
+        return f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a stop" if inside > 0.6 else ""
+
+    def _damped(self, estimate: EffectEstimate) -> float:
+        """Size of the torque of damping beside that of the spring."""
+        (columns,) = self.columns(estimate.scene, estimate.joints, estimate.theta).values()
+        spring, damping = (columns * estimate.beta).T
+        return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
 
 
 class JointCoupling(Effect):

@@ -8,7 +8,6 @@ import json
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 
@@ -77,23 +76,30 @@ def judged(truth: dict, answer: dict, kind: str) -> list[str]:
 
 
 def family_is_right(truth: dict, answer: dict) -> bool:
-    """Whether what is left without a name, on a joint of the phenomenon, depends on the phenomenon's own signals. With
-    a history goes the direction.
+    """Whether what is left without a name, on a joint of the phenomenon, depends on the phenomenon's own signals, or is
+    said not to be told from what does. With a history goes the direction.
     """
-
-    def plain(words: Iterable[str]) -> set[str]:
-        found = {SIGNALS.get(word, word.removesuffix(" of q")) for word in words}
-        return found - {"dq"} if "history" in found else found
-
-    wanted = plain(truth["depends_on"])
+    wanted = {plain(word) for word in truth["depends_on"]}
     for effect in answer["effects"]:
         if effect["name"] == "unknown" and set(effect["joints"]) & set(truth["joints"]):
-            found = plain(
-                signal.rstrip("0123456789").replace("history of q", "history") for signal in effect["signals"]
-            )
-            if found == wanted:
-                return True
+            for signals in (effect["signals"], *effect["or_signals"]):
+                found = {plain(signal) for signal in signals}
+                if {"dq"} <= found and "history" in found:
+                    found -= {"dq"}
+                if found == wanted - ({"dq"} if "history" in wanted else set()):
+                    return True
     return False
+
+
+def plain(word: str) -> str:
+    """A signal of the answer ("q1", "history of q1", "q_j4", a recorded column of joint 4), or a word of a laboratory
+    ("direction", "q of the other joint"), by one name.
+    """
+    if "history" in word or "past" in word:
+        return "history"
+    other = " of the other joint" in word or "_j" in word or "_other" in word
+    word = word.removesuffix(" of the other joint").split("_")[0].rstrip("0123456789")
+    return f"other {SIGNALS.get(word, word)}" if other else SIGNALS.get(word, word)
 
 
 def bounds(count: int, of: int) -> str:

@@ -96,6 +96,15 @@ class Model:
         return late.effect.command(m, dense, s.rows.index, late.theta)
 
     @cached_property
+    def given(self) -> np.ndarray:
+        """What is given of the torque (J, m), through lags and delays."""
+        s, out = self.setting, self.setting.given.copy()
+        for j in range(s.joints):
+            if self.late(j):
+                out[j] = self.passed(s.body.known[:, [j]], s.device.recorded_columns, j)[:, 0]
+        return out
+
+    @cached_property
     def columns(self) -> tuple[Columns, ...]:
         """Filtered columns of each choice, joint -> (m, k); none of effects that act on the whole prediction."""
         return tuple(self.columns_of(c) for c in self.choices)
@@ -124,6 +133,8 @@ class Model:
         for j in range(s.joints):
             if self.late(j) is None:
                 y[j] -= self.skew * s.slope[j]
+            else:
+                y[j] += s.given[j] - self.given[j]
             if erasing := self.erasing(j):
                 lost, left = self.formed.erased(j, erasing)
                 y[j] -= lost
@@ -324,7 +335,7 @@ class Model:
             rigid_slopes=None if s.body.equations is None else self._rigid_slopes,
             arm=s.arm,
             pi=None if s.arm is None else s.body.parameters(self.fit.beta),
-            declared=s.body.declared is not None,
+            declared=s.body.trusted,
             gravity=s.device.gravity,
             units=s.units,
         )

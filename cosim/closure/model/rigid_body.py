@@ -36,6 +36,11 @@ class RigidBody:
     declared: np.ndarray | None = None
     recorded: int = 0
 
+    @property
+    def trusted(self) -> bool:
+        """Whether the rigid body's torque is given rather than fitted."""
+        return self.declared is not None or bool(self.recorded == 0 and self.equations is None and self.known.any())
+
     def parameters(self, beta: np.ndarray) -> np.ndarray:
         """All parameters of the equations: the declared ones, or the leading ones of the coefficients beta (k,)."""
         return beta[: len(self.labels)] if self.declared is None else self.declared

@@ -78,7 +78,7 @@ def _percent(model: Model, recorded: Model, rows: np.ndarray) -> tuple[float, ..
 
 def torque(model: Model) -> np.ndarray:
     """The measured torque (J, m), filtered, with what is known of it."""
-    return model.target + model.setting.given
+    return model.target + model.given
 
 
 def _interval(model: Model, recorded: Model, rows: np.ndarray) -> tuple[tuple[float, float], ...]:

@@ -43,12 +43,17 @@ class Rival:
 class Leftover:
     """A family that a residual needs beyond the names, with its nats; not `sure` where only the residual's size shows
     that something is missing.
+
+    others: families that blocks do not tell from it; laws: effects that would look like it and that this device cannot
+    test.
     """
 
     choice: ChosenEffect
     nats: float
     share: float
     sure: bool = True
+    others: tuple[Family, ...] = ()
+    laws: tuple[Effect, ...] = ()
 
     @property
     def family(self) -> Family:
@@ -65,6 +70,37 @@ class Leftover:
     def joint(self) -> int:
         """The joint (0-based) whose residual it is."""
         return self.choice.joints[0]
+
+
+@frozen(eq=False)
+class FittedFamily:
+    """The family of a joint that tells most of unseen blocks, fitted beside a model; `close`: families, fitted
+    likewise, that blocks do not tell from it.
+    """
+
+    model: Model
+    screened: Screened
+    close: tuple[tuple[Model, Screened], ...] = ()
+
+    @property
+    def family(self) -> Family:
+        """The function without a name."""
+        return _family(self.screened)
+
+    def leftover(self, beside: Model, sure: bool = True) -> Leftover:
+        """What it says of the residual: of the families that blocks do not tell from it the one of fewest signals;
+        the others beside it, but those that only add signals to its.
+        """
+        options = ((self.model, self.screened), *self.close)
+        model, x = min(options, key=lambda option: len(_family(option[1]).signals))  # the best of equally many
+        mine = set(_family(x).signals)
+        others = tuple(_family(o) for _, o in options if not mine <= set(_family(o).signals))
+        return Leftover(x.choice, gained(model, beside, x.choice.joints), x.share, sure, others)
+
+
+def _family(x: Screened) -> Family:
+    assert isinstance(x.choice.effect, Family), "families are screened here"
+    return x.choice.effect
 
 
 @frozen(eq=False)
@@ -101,17 +137,16 @@ def named(found: EffectSearch) -> Named:
     if kept != model.choices:
         model = resettled(with_choices(found.before, kept)) if kept else found.before
         on_top = best_families(model)
-    for j, (new, x) in on_top.items():
-        left.append(Leftover(x.choice, gained(new, model, (j,)), x.share))
+    for j, fitted in on_top.items():
+        left.append(fitted.leftover(model))
         for k, c in enumerate(model.choices):
             if model.acting(k) == (j,):
-                doubts.setdefault(c.key, f"what it leaves is {x.choice.effect.title}")
-                if _holds(x, (set(c.effect.signals),)):
-                    wider[c.key] = x.choice.effect.title
+                doubts.setdefault(c.key, f"what it leaves is {fitted.family.title}")
+                if _holds(fitted.family, (set(c.effect.signals),)):
+                    wider[c.key] = fitted.family.title
     if left:
         beside = corrected(model, left)
-        for j, (new, x) in best_families(beside).items():
-            left.append(Leftover(x.choice, gained(new, beside, (j,)), x.share))
+        left += [fitted.leftover(beside) for fitted in best_families(beside).values()]
     return Named(model, doubts, wider, withdrawn, tuple(sorted(left, key=lambda x: -x.nats)))
 
 
@@ -123,19 +158,19 @@ class _Group:
 
 
 def _group(
-    model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top: dict[int, tuple[Model, Screened]]
+    model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top: dict[int, FittedFamily]
 ) -> _Group:
     """Whether the names of some joints hold."""
     rest = with_choices(model, tuple(c for c in model.choices if c not in mine))
     earned = gained(model, rest, joints)
-    beside = tuple(x.choice for j, (_, x) in on_top.items() if j in joints)
+    beside = tuple(fitted.screened.choice for j, fitted in on_top.items() if j in joints)
     whole = with_choices(model, (*model.choices, *beside)) if beside else model
     both = max(gained(whole, rest, joints), earned)
     own = tuple(set(c.effect.signals) for c in mine)
     place = best_families(rest, joints, need=False, besides=own)
-    alone = with_choices(rest, (*rest.choices, *(x.choice for _, x in place.values())))
+    alone = with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in place.values())))
     instead = gained(alone, rest, joints)
-    titles = " and ".join(x.choice.effect.title for _, x in place.values())
+    titles = " and ".join(fitted.family.title for fitted in place.values())
     if earned >= (1 - MARGIN) * max(both, instead):
         if len(joints) > 1 or preferred(model, alone, joints) > SAME:
             return _Group()
@@ -194,25 +229,27 @@ def _own_share(model: Model, number: int) -> float:
 
 def best_families(
     model: Model, joints: Joints | None = None, need: bool = True, besides: Sequence[set[str]] = ()
-) -> dict[int, tuple[Model, Screened]]:
+) -> dict[int, FittedFamily]:
     """The best family of each joint beside a model, fitted with it; where it is a `need`, only one above its bar.
 
     besides: signals of laws, whose own families, which hold them, are left out.
     """
     found = screened_families(model, joints)
-    out: dict[int, tuple[Model, Screened]] = {}
+    out: dict[int, FittedFamily] = {}
     for j in model.active if joints is None else joints:
-        mine = [x for x in found if x.choice.joints == (j,) and (x.clear or not need) and not _holds(x, besides)]
+        mine = [x for x in found if x.choice.joints == (j,) and (x.clear or not need) and not _holds(_family(x), besides)]
         options = [(with_choices(model, (*model.choices, x.choice), passes=0), x) for x in mine[:TRIED]]
         good = [(m, x) for m, x in options if gained(m, model) > 0 and (not need or preferred(m, model) > SAME)]
         if good:
-            out[j] = max(good, key=lambda option: option[0].score())
+            best, x = max(good, key=lambda option: option[0].score())
+            out[j] = FittedFamily(
+                best, x, tuple((m, o) for m, o in good if o is not x and preferred(best, m, (j,)) <= SAME)
+            )
     return out
 
 
-def _holds(x: Screened, laws: Sequence[set[str]]) -> bool:
-    assert isinstance(x.choice.effect, Family), "families are screened here"
-    return any(x.choice.effect.kinds <= signals for signals in laws)
+def _holds(family: Family, laws: Sequence[set[str]]) -> bool:
+    return any(family.kinds <= signals for signals in laws)
 
 
 def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival, ...]:

@@ -240,13 +240,15 @@ class Screen:
         if any(self.model.late(j) for j in joints):
             return None
         every = range(len(self.x))
+        recorded = self.y + self.skew_of(joints)
         prediction = (self.y - self.left)[..., None] + self.flipped
-        skew = self.model.skew * self.model.setting.slope[:, self.fitted] * self.mask  # a lag holds the sampling's part
-        y = [np.concatenate([(self.y[j] + skew[j] * (j in joints))[:, None], prediction[j]], axis=1) for j in every]
         best, null = (-np.inf, thetas[0], 0.0), np.zeros(REPLICATES)
         before = self.loss.sum(axis=0)
         for theta in thetas:
-            x = [self._passed(effect, j, theta) if j in joints else self.x[j] for j in every]
+            passed = {j: self._passed(effect, j, theta) for j in joints}
+            x = [passed[j][0] if j in joints else self.x[j] for j in every]
+            given = [passed[j][1] if j in joints else 0.0 for j in every]
+            y = [np.concatenate([recorded[j][:, None], prediction[j]], axis=1) + given[j] for j in every]
             beta = self.solved(x, y)
             e = [y[j] - x[j] @ beta for j in every]
             nats = before - sum(self.losses(e[j], j) for j in every)
@@ -265,12 +267,21 @@ class Screen:
         ]
         return float(np.sqrt(max(*less, 0.0)))
 
-    def _passed(self, effect: Effect, joint: int, theta: Theta) -> np.ndarray:
-        """The scaled design (m, p) of a joint through a lag or delay."""
+    def skew_of(self, joints: Joints) -> np.ndarray:
+        """What sampling takes from the scaled torque (J, m) of some joints: a lag of theirs holds it."""
+        out = self.model.skew * self.model.setting.slope[:, self.fitted] * self.mask
+        return out * np.isin(np.arange(len(out)), joints)[:, None]
+
+    def _passed(self, effect: Effect, joint: int, theta: Theta) -> tuple[np.ndarray, np.ndarray]:
+        """The scaled design (m, p) of a joint through a lag or delay, and how that changes its scaled torque (m, 1): by
+        the part of the prediction that is given.
+        """
         key = effect.key, joint, theta
         if key not in self.columns:
-            trial = with_effect(self.model, ChosenEffect(effect, (joint,), theta))
-            self.columns[key] = trial.design_of(joint)[self.fitted] * self.mask[joint][:, None]
+            trial, setting = with_effect(self.model, ChosenEffect(effect, (joint,), theta)), self.model.setting
+            given = setting.given[joint] - trial.given[joint]
+            x, given = (v[self.fitted] * self.mask[joint][:, None] for v in (trial.design_of(joint), given[:, None]))
+            self.columns[key] = x, given
         return self.columns[key]
 
     def _erasing(self, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:

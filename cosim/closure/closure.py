@@ -14,7 +14,7 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.model import Model, complete, with_choices
 from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
 from cosim.closure.model.setting import formulate
-from cosim.closure.refusal import Refusal, circular, motion_refusals
+from cosim.closure.refusal import Refusal, circular, hidden, motion_refusals
 from cosim.closure.score.checks import incomplete, unseparated
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
@@ -98,7 +98,12 @@ def _closed(recording: Recording, options: Options) -> Closure:
         before = resettled(with_choices(before, options.previous))
     progress("searching for missing effects")
     found = search(before, options.effects, options.most, progress)
-    return _completed(recording, found, judge(found, options.effects, progress), options)
+    verdict = judge(found, options.effects, progress)
+    unseen = hidden(motion, rows)
+    if unseen and verdict.answer is Answer.COMPLETE:
+        return _refused(recording, unseen, before)
+    told = (f"joint {r.joint} is not judged: {r.reason}" for r in unseen)
+    return _completed(recording, found, evolve(verdict, warnings=(*verdict.warnings, *told)), options)
 
 
 def _unloaded(recording: Recording) -> Recording:

@@ -13,6 +13,7 @@ FEWEST_BLOCKS = 8
 STATIC = 0.05  # share of the torque that a function of angle and speed leaves, below which inertia has to be seen
 INERTIA = 0.01  # least share of the torque that is due to inertia there
 MOST_CLIPPED = 0.5  # share of rows, above which the rest is no sample of the motion
+MOVING = 0.05  # share of the rows in which a joint has to move
 EXACT = 1e-4  # residual as a share of the torque that is too small for a measurement
 
 
@@ -55,8 +56,22 @@ def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
     return out
 
 
+def hidden(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
+    """Joints that move and of which no rows are left to judge: within the filter's reach of every reversal."""
+    out = []
+    for j in range(motion.joints):
+        moves = float((np.abs(motion.dq[rows.index, j]) > rows.standstill_speed[j]).mean())
+        used = float(rows.moving[:, j].mean())
+        if used <= MOVING < moves:
+            text = (
+                f"it moves in {100 * moves:.0f} % of the rows, all but {100 * used:.1f} % of them within the filter's "
+            )
+            out.append(Refusal(j + 1, f"{text}reach of a reversal: record it faster, or with longer strokes"))
+    return out
+
+
 def _moves(motion: SmoothedMotion, rows: FitRows, joint: int) -> bool:
-    return bool(rows.moving[:, joint].mean() > 0.05 and np.ptp(motion.q[:, joint]) > 0)
+    return bool(rows.moving[:, joint].mean() > MOVING and np.ptp(motion.q[:, joint]) > 0)
 
 
 def circular(model: Model) -> list[Refusal]:

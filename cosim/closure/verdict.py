@@ -162,10 +162,13 @@ def judge(
 
 
 def _unseen(model: Model, left: Leftover, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Effects that the device cannot test and whose torque depends on nothing else than what is left."""
+    """Effects that the device cannot test and whose torque depends on nothing else than what is left may depend on."""
     units = model.scene.units
-    kinds = left.family.kinds - set(units) | {KINDS.get(units[s], s) for s in left.signals if s in units}
-    return tuple(e for e in effects if kinds <= set(e.unseen(model.scene)))
+    every = [
+        {KINDS.get(units[s], s) if s in units else s.rstrip("0123456789") for s in family.signals}
+        for family in (left.family, *left.others)
+    ]
+    return tuple(e for e in effects if any(kinds <= set(e.unseen(model.scene)) for kinds in every))
 
 
 def _closest(model: Model, joints: dict[int, str]) -> tuple[Leftover, ...]:

@@ -215,7 +215,9 @@ class JointStop(Effect):
             return "damping of the stop that feeds energy in"
         side, angle, _ = estimate.theta
         inside = float((side * (estimate.scene.motion.q[:, estimate.joints[0]] - angle) > 0).mean())
-        return f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a stop" if inside > 0.6 else ""
+        return (
+            f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a stop" if inside > 0.6 else ""
+        )
 
     def _damped(self, estimate: EffectEstimate) -> float:
         """Size of the torque of damping beside that of the spring."""

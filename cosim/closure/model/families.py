@@ -146,6 +146,10 @@ def _of_two_signals(scene: Scene, joint: int) -> Iterator[Family]:
             speeds, angles = (f"dq{i + 1}", f"dq{k + 1}"), (f"q{i + 1}", f"q{k + 1}")
             yield Family(signals=speeds, basis=lambda s, j, i=i, k=k: _pairs(s.motion.dq[:, i], s.motion.dq[:, k]))
             yield Family(signals=angles, basis=lambda s, j, i=i, k=k: _pairs(s.motion.q[:, i], s.motion.q[:, k]))
+    if len(angles := _angles(scene)) > 1:
+        yield Family(
+            signals=tuple(angles), basis=lambda s, j: _posture(s), words="a torque that depends on the whole posture"
+        )
     yield Family(
         signals=(f"q{joint + 1}", f"tau{joint + 1}"),
         basis=lambda s, j: _spline(s, s.motion.q[:, j], FINE) * _without_inertia(s, j)[:, None],
@@ -303,6 +307,20 @@ def _product(scene: Scene, k: int, joint: int) -> np.ndarray:
     dq, sign = scene.motion.dq[:, joint], scene.sign[:, joint]
     x, v = _standard(scene.motion.q[:, k]), dq / max(float(dq.std()), 1e-12)
     return np.stack((v, x * v, x * x * v, x**3 * v, sign, x * sign, x * x * sign, x**3 * sign), axis=1)
+
+
+def _angles(scene: Scene) -> dict[str, np.ndarray]:
+    """Angles (n,) of all joints, those that are recorded beside the device's own among them."""
+    m = scene.motion
+    own = {f"q{i + 1}": m.q[:, i] for i in range(scene.joints)}
+    return own | {name: x for name, x in m.other.items() if scene.units.get(name) == "rad"}
+
+
+def _posture(scene: Scene) -> np.ndarray:
+    """Angles of all joints, their squares and products."""
+    x = np.stack([_standard(q) for q in _angles(scene).values()], axis=1)
+    first, second = np.triu_indices(x.shape[1])
+    return np.concatenate((x, x[:, first] * x[:, second]), axis=1)
 
 
 def _pairs(a: np.ndarray, b: np.ndarray) -> np.ndarray:

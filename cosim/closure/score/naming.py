@@ -88,11 +88,13 @@ class FittedFamily:
         return _family(self.screened)
 
     def leftover(self, beside: Model, sure: bool = True) -> Leftover:
-        """What it says of the residual: of the families that blocks do not tell from it the one of fewest signals;
+        """What it says of the residual: of the families that blocks do not tell from it the one of fewest of its signals;
         the others beside it, but those that only add signals to its.
         """
-        options = ((self.model, self.screened), *self.close)
-        model, x = min(options, key=lambda option: len(_family(option[1]).signals))  # the best of equally many
+        best = (self.model, self.screened)
+        options = (best, *self.close)
+        fewer = [o for o in options if set(_family(o[1]).signals) <= set(self.family.signals)]
+        model, x = min(fewer, key=lambda option: len(_family(option[1]).signals))  # the best of equally many
         mine = set(_family(x).signals)
         others = tuple(_family(o) for _, o in options if not mine <= set(_family(o).signals))
         return Leftover(x.choice, gained(model, beside, x.choice.joints), x.share, sure, others)
@@ -157,9 +159,7 @@ class _Group:
     doubt: str = ""
 
 
-def _group(
-    model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top: dict[int, FittedFamily]
-) -> _Group:
+def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top: dict[int, FittedFamily]) -> _Group:
     """Whether the names of some joints hold."""
     rest = with_choices(model, tuple(c for c in model.choices if c not in mine))
     earned = gained(model, rest, joints)
@@ -237,7 +237,9 @@ def best_families(
     found = screened_families(model, joints)
     out: dict[int, FittedFamily] = {}
     for j in model.active if joints is None else joints:
-        mine = [x for x in found if x.choice.joints == (j,) and (x.clear or not need) and not _holds(_family(x), besides)]
+        mine = [
+            x for x in found if x.choice.joints == (j,) and (x.clear or not need) and not _holds(_family(x), besides)
+        ]
         options = [(with_choices(model, (*model.choices, x.choice), passes=0), x) for x in mine[:TRIED]]
         good = [(m, x) for m, x in options if gained(m, model) > 0 and (not need or preferred(m, model) > SAME)]
         if good:

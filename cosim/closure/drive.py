@@ -177,6 +177,8 @@ def _of_every_joint(rows: Mapping[str, list[float]]) -> StartValues:
     for name in ("stribeck_velocity", "hysteresis_length", "ripple_order"):
         if name in rows:
             out[name] = [value if value > 0 else max(rows[name]) for value in rows[name]]
+    if "stop_side" in rows:
+        out["stop_side"] = [value or 1.0 for value in rows["stop_side"]]
     if "stribeck_exponent" in rows:
         out["stribeck_exponent"] = [value or 2.0 for value in rows["stribeck_exponent"]]
     return out

@@ -48,11 +48,11 @@ _ARM_LAW = {
     *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
     *("ripple_sin", "ripple_cos", "ripple_order", "hysteresis", "hysteresis_length", "hysteresis_exponent"),
     *("hysteresis_ratio", "hysteresis_tilt", "quadratic_drag", "friction_drift", "friction_drift_time"),
-    *("torque_gain", "torque_deadband"),
+    *("torque_gain", "torque_deadband", "stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
     *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
 }
 """What may differ from the table in the kernel's arm: not what makes a joint elastic, late or limited, nor encoders."""
-_CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0)}
+_CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0), "stop_side": (-1.0, 1.0)}
 """The numbers that the arm takes for them."""
 _MOST_OUTPUTS = 12  # of a series
 _LEAST_BOUND = 1e5

@@ -36,7 +36,7 @@ static inline void rates(void *system, double offset, const real *at, real *k) {
 #define PLAIN_BIT(name) ((uint64_t)1 << JOINT_PLACE_##name)
 #define PLAIN_EFFECTS                                                                                                  \
     (PLAIN_BIT(viscous) | PLAIN_BIT(coulomb) | PLAIN_BIT(coulomb_velocity) | PLAIN_BIT(stribeck_velocity) |            \
-     PLAIN_BIT(stribeck_exponent) | PLAIN_BIT(ripple_order) | PLAIN_BIT(hysteresis_length) |                           \
+     PLAIN_BIT(stribeck_exponent) | PLAIN_BIT(ripple_order) | PLAIN_BIT(hysteresis_length) | PLAIN_BIT(stop_side) |    \
      PLAIN_BIT(hysteresis_exponent) | PLAIN_BIT(friction_drift_time))
 
 /* Torques of rigid joints with effects, and the rates of their hysteresis (model.c has the same for an instance). */

@@ -27,6 +27,7 @@
     F(hysteresis_length) F(hysteresis_exponent) F(hysteresis_ratio) F(hysteresis_tilt) F(quadratic_drag) \
     F(friction_drift) F(friction_drift_time) F(torque_gain) \
     F(torque_deadband) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
+    F(stop_stiffness) F(stop_damping) F(stop_angle) F(stop_side) \
     F(encoder_resolution) F(encoder_offset)
 /* clang-format on */
 
@@ -118,6 +119,12 @@ static inline real joint_required(const Joint *j, real q, real dq, real z, real 
         sincos_real(j->ripple_order * q, &sine, &cosine);
         torque = choose(there, torque + (j->ripple_sin * sine + j->ripple_cos * cosine), torque);
     }
+    if (JOINT_HAS(j, stop_stiffness)) {
+        const real depth = j->stop_side * (q - j->stop_angle);
+        const real push = j->stop_stiffness * depth + j->stop_damping * (j->stop_side * dq);
+        const mask touches = (j->stop_stiffness > 0.0) & (depth > 0.0) & (push > 0.0);
+        torque = choose(touches, torque + j->stop_side * push, torque);
+    }
     return torque;
 }
 
@@ -196,7 +203,7 @@ static inline int joint_is_plain(const Joint *j) {
            j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0 && j->hysteresis == 0 &&
            j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 && j->torque_deadband == 0 &&
            j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 && j->joint_compliance == 0 &&
-           j->backlash == 0;
+           j->backlash == 0 && j->stop_stiffness == 0;
 }
 
 /* Torque from motor to link (N m): spring behind a gap of `backlash`, damper while the gap is closed. */
@@ -244,6 +251,10 @@ static inline const char *joint_check(const Joint *j, int number, char *text, si
     if (!(j->coulomb_form == COULOMB_ALGEBRAIC || j->coulomb_form == COULOMB_TANH || j->coulomb_form == COULOMB_ATAN)) {
         (void)snprintf(text, size, "coulomb_form[%d] = %g is none of 0 (algebraic), 1 (tanh), 2 (atan)", number,
                        j->coulomb_form);
+        return text;
+    }
+    if (!(j->stop_side == 1 || j->stop_side == -1)) {
+        (void)snprintf(text, size, "stop_side[%d] = %g is neither 1 nor -1", number, j->stop_side);
         return text;
     }
     return NULL;

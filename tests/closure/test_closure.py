@@ -17,7 +17,7 @@ from cosim.closure.model.motion import prepare
 from cosim.closure.model.smoothing import convolve, curve_kernel, kernel, slope_kernel
 from cosim.closure.score.naming import _Group
 from cosim.closure.verdict import Answer
-from cosim.effects import BUILT_IN, library
+from cosim.effects import BUILT_IN, library, load_effects
 from cosim.effects.constants import FREEDOM
 from cosim.effects.position import dahl
 from cosim.errors import InputError
@@ -265,8 +265,8 @@ def test_a_method_of_the_users_own_that_gives_something_else_is_named(tmp_path, 
     (tmp_path / "own.py").write_text(f"{OWN}\n    {method}\n")
     with pytest.raises(InputError, match=words):
         close_loop(
-            still(lambda t, q, dq: 0.05 * np.gradient(dq, t) + q + 0.1 * np.sin(7 * q)),
-            Options(effects=library([tmp_path / "own.py"]), replayed=False),
+            still(lambda t, q, dq: 0.05 * np.gradient(dq, t) + 0.3 * np.sin(7 * q)),
+            Options(effects=load_effects(tmp_path / "own.py"), replayed=False),
         )
 
 

@@ -24,7 +24,7 @@ KINDS = {
     """,
     "what a recording must hold to be read or refused": """
         motion.SAME_RATE rigid_body.0.01 setting.FEW_BLOCKS smoothing.NOISE_SHARE refusal.STATIC refusal.INERTIA
-        refusal.EXACT refusal.SHORTEST refusal.FEWEST_BLOCKS refusal.MOST_CLIPPED refusal.200 refusal.0.05
+        refusal.EXACT refusal.SHORTEST refusal.FEWEST_BLOCKS refusal.MOST_CLIPPED refusal.200 refusal.MOVING
         floor.0.3 floor.SAME effects_file.FORMAT
     """,
     "controllers and replays": """

@@ -30,6 +30,7 @@ THETA = {
     "torque_ripple": (11.0,),
     "hysteresis": (0.05, 0.0, 0.0),
     "external_contact": (0.6, 0.0, 0.8, 0.01, 0.5 / 200.0),
+    ("external_contact", "one joint"): (-1.0, 0.4, 0.5 / 200.0),
     "torque_saturation": (0.04,),
     "torque_deadband": (0.02,),
 }
@@ -85,7 +86,7 @@ def choices():
         if effect.name in OTHERWISE:
             continue
         for joints in effect.joint_sets(scene()):
-            thetas = [THETA[effect.name]] if effect.name in THETA else effect.grid(scene(), joints)
+            thetas = [THETA[effect.key]] if effect.key in THETA else effect.grid(scene(), joints)
             for theta in thetas:
                 yield pytest.param(effect, joints, theta, id=f"{effect.name}-{joints}-{theta}")
 

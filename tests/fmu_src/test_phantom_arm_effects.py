@@ -35,6 +35,18 @@ def pairs(values, other):
     return matrix @ other
 
 
+STOPS = np.array([0.1, 0.5, -9.0])  # rad
+
+
+def stops(q, v):
+    """Stops of the first joint at larger angles, of the second at smaller ones; the third has none."""
+    side, stiffness = np.array([1.0, -1.0, 1.0]), np.array([5.0, 6.0, 0.0])
+    depth = side * (q - STOPS)
+    return side * np.where(
+        (depth > 0) & (stiffness > 0), np.maximum(stiffness * depth + np.abs(A) * side * v, 0.0), 0.0
+    )
+
+
 SIX = np.array([1.0, 2, 3, 4, 5, 6]) * 1e-3
 REQUIRED = {  # parameters, required torque of (q, dq, t, z)
     "viscous": ({"viscous": A}, lambda q, v, t, z: A * v),
@@ -65,6 +77,15 @@ REQUIRED = {  # parameters, required torque of (q, dq, t, z)
             "position_torque_cos": C,
         },
         lambda q, v, t, z: A * q + B * q**2 + C * q**3 + B * np.sin(q) + C * np.cos(q),
+    ),
+    "external_contact of one joint": (
+        {
+            "stop_stiffness": [5.0, 6.0, 0.0],
+            "stop_damping": np.abs(A),
+            "stop_angle": STOPS,
+            "stop_side": [1.0, -1.0, 1.0],
+        },
+        lambda q, v, t, z: stops(q, v),
     ),
     "torque_ripple": (
         {"ripple_sin": A, "ripple_cos": B, "ripple_order": [12, 7.5, 40]},
@@ -392,6 +413,9 @@ COMPANIONS = {
     "motor_inertia": 1e-4,
     "joint_damping": 0.1,
     "contact_damping": 3.0,
+    "stop_damping": 0.1,
+    "stop_angle": -5.0,
+    "stop_side": -1.0,
     "contact_normal": 1.0,
     "encoder_resolution": -1.0,
     "torque_saturation": -2.0,
@@ -467,6 +491,9 @@ def test_every_effect_does_something(name):
         "contact_stiffness": {"contact_normal": [0, 1.0, 0], "contact_distance": -1.0},
         "joint_compliance": {"motor_inertia": [1e-4] * 3},
         "friction_drift_time": {"friction_drift": [10.0] * 3},
+        "stop_stiffness": {"stop_angle": [-1.0] * 3},
+        "stop_damping": {"stop_stiffness": [1.0] * 3, "stop_angle": [-1.0] * 3},
+        "stop_angle": {"stop_stiffness": [1.0] * 3},
     }.get(name, {})
     plain = {"viscous": [1e-3] * 3, "coulomb": [5e-3] * 3}
     assert (bits(plain) != bits(plain | needed | {name: amount})).any()

@@ -63,7 +63,25 @@ def search(
             break
         model = resettled(best)
         tell(f"found {model.choices[-1].effect.name} ({number + 1})")
+        model = exchanged(model, before, effects)
     return EffectSearch(before, simplified(model), tuple(steps), untestable)
+
+
+def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
+    """The model in which laws that were taken while others were still missing have given way to those that unseen
+    blocks prefer in their place (stepwise search with replacement: Miller 2002, Subset Selection in Regression).
+    """
+    given = {c.key for c in before.choices}
+    for choice in model.choices[:-1]:  # the last one has been compared with all others
+        if choice.key in given or choice not in model.choices:
+            continue
+        rest = with_choices(model, tuple(c for c in model.choices if c is not choice))
+        found, _ = screened_laws(rest, effects, near=model.acting(model.choices.index(choice)))
+        new = _best(rest, [x for x in found if x.choice.effect.key != choice.effect.key])
+        new = new and resettled(new)
+        if new and gained(new, model) > 0 and preferred(new, model) > SAME:
+            model = new
+    return model
 
 
 def simplified(model: Model) -> Model:

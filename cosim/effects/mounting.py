@@ -117,7 +117,7 @@ class Payload(Effect):
         return "" if scene.declared else "absorbed in the fitted parameters: declare them to see it"
 
     def unseen(self, scene: Scene) -> tuple[str, ...]:
-        told = scene.device.recorded_columns and scene.motion.regressor is None  # fitted columns absorb it
+        told = scene.device.recorded_columns and scene.declared  # columns that are fitted absorb it
         return ("q", "ddq", "tau") if told else ()
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:

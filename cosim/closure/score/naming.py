@@ -88,8 +88,8 @@ class FittedFamily:
         return _family(self.screened)
 
     def leftover(self, beside: Model, sure: bool = True) -> Leftover:
-        """What it says of the residual: of the families that blocks do not tell from it the one of fewest of its signals;
-        the others beside it, but those that only add signals to its.
+        """What it says of the residual: of the families that blocks do not tell from it the one of fewest of its own
+        signals; the others beside it, but those that only add signals to its.
         """
         best = (self.model, self.screened)
         options = (best, *self.close)

@@ -2,8 +2,12 @@
 integrated in Python, and unseen motion.
 """
 
+import tomllib
+import zipfile
 from functools import cache
 from math import exp, hypot, pi, sin
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,7 +16,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cosim.closure.closure import Closure, close_loop
 from cosim.closure.document import answer, sentence
+from cosim.closure.drive import JointDrive
 from cosim.closure.model.table import KNOTS, knot_weights
+from cosim.closure.output import write
+from cosim.closure.simulation import driven as opened
 from cosim.closure.table import carried_table
 from cosim.measured import Recording, Run, parse_description
 
@@ -102,6 +109,21 @@ def test_the_answer_tells_it_as_something_without_a_name():
     assert "carries a torque over the position without a name" in sentence(found)
 
 
+def test_the_fmu_that_is_written_starts_with_the_table(tmp_path):
+    """And the file of effects has the same numbers."""
+    found = write(closed(True), tmp_path)
+    tree = description(tmp_path / "fmi3" / "AxisDrive.fmu")
+    (known,) = [v for v in tree.iter() if v.get("name") == "nameless_torque[3]"]
+    assert float(known.get("start")) == found.values_after["nameless_torque"][2]
+    told = tomllib.loads((tmp_path / "effects.toml").read_text())["parameters"]["nameless_friction"]
+    assert told == pytest.approx(found.values_after["nameless_friction"], rel=1e-8)
+
+
+def description(fmu: Path) -> ElementTree.Element:
+    with zipfile.ZipFile(fmu) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml"))
+
+
 def test_a_complete_model_gets_no_table():
     found = closed(False)
     assert found.table is None and "nameless_torque" not in found.values_after
@@ -127,9 +149,6 @@ def test_a_table_that_the_reported_rows_contradict_is_not_taken():
 
 @pytest.mark.parametrize(("offset", "coulomb"), [(0.0, 0.0), (-0.1, 0.25)])
 def test_the_levels_of_a_run_are_found(offset, coulomb):
-    from cosim.closure.drive import JointDrive
-    from cosim.closure.simulation import driven as opened
-
     run = driven(False).runs[0].part(slice(0, 5000))
     true = {"inertia": 1.2, "viscous": 3.0, "coulomb": 1.5, "coulomb_velocity": 0.01, "torque_offset": 0.3}
     wrong = {**true, "torque_offset": 0.3 - offset, "coulomb": 1.5 - coulomb}

@@ -56,7 +56,7 @@ def vectors() -> tuple[int, tuple[str, ...]]:
 
     lanes, level = 4, ()
     if this_platform().startswith("x86_64") and has.get("AVX512F") and has.get("AVX512_SKX"):
-        lanes, level = 8, ("-march=x86_64_v4",)
+        lanes, level = 8, ("-march=x86_64_v4", "-mtune=native")
     elif this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
-        level = ("-march=x86_64_v3",)
+        level = ("-march=x86_64_v3", "-mtune=native")
     return lanes, (f"-DREAL_LANES={lanes}", *level)

@@ -6,9 +6,13 @@
 
 #define INSTANT 1e-9 /* s: communication points closer than this are one */
 
+static inline real operator_angle(real turns) {
+    return 2.0 * PI * (turns - real_floor(turns));
+}
+
 static inline real operator_sine(real turns) {
     real sine, cosine;
-    sincos_real(2.0 * PI * (turns - real_floor(turns)), &sine, &cosine);
+    sincos_real(operator_angle(turns), &sine, &cosine);
     return sine;
 }
 
@@ -25,6 +29,14 @@ static inline int operator_has_hand(const OperatorModel *m) {
 /* Of the reference's motion at time t. */
 static inline real operator_reference(const OperatorModel *m, double t) {
     return operator_has_hand(m) ? operator_sine(m->reference_frequency * t) : real_of(0.0);
+}
+
+/* The same at n <= 3 times, `offsets` after a moment: a processor computes one while it waits for another. */
+static inline void operator_references(const OperatorModel *m, int n, double moment, const double *offsets,
+                                       real *sines) {
+    real angles[3], cosines[3];
+    for (int i = 0; i < n; i++) angles[i] = operator_angle(m->reference_frequency * (moment + offsets[i]));
+    sincos_each(n, angles, sines, cosines);
 }
 
 /* m ddx_h = k (reference(t) - x_h) - b dx_h - grip; sine: operator_reference now */

@@ -12,12 +12,16 @@ static inline real channel_target(real semantics, double t, real delay) {
     return choose(semantics == real_of(SEMANTICS_TIME_DELAY), t - delay, real_of(t));
 }
 
+/* Whether what is shown may be between two samples: not where samples are held or packets shown. */
+static inline mask channel_lines(real semantics, real interpolation) {
+    const mask linear = interpolation == real_of(INTERPOLATION_LINEAR);
+    return linear & (semantics <= real_of(SEMANTICS_TRANSPORT_DELAY));
+}
+
 /* How far the target is on the line from the sample at or before it (`late` s before) to the next (`gap` s later); 0: the
- * sample itself, where samples are held, packets shown, or the target no later than the sample. */
+ * sample itself, where there are no lines, or the target is no later than the sample. */
 static inline real channel_part(real semantics, real interpolation, real late, real gap) {
-    const real linear = real_of(INTERPOLATION_LINEAR), last_with_lines = real_of(SEMANTICS_TRANSPORT_DELAY);
-    const mask lines =
-        (interpolation == linear) & (semantics <= last_with_lines) & (late > RING_SAME) & (gap > RING_SAME);
+    const mask lines = channel_lines(semantics, interpolation) & (late > RING_SAME) & (gap > RING_SAME);
     return choose(lines, late / gap, real_of(0.0));
 }
 

@@ -90,39 +90,56 @@ static inline void read_delays(Part *a, const Component *c, int64_t done) {
 
 /* --- packets ------------------------------------------------------------------------------------------------------ */
 
-/* Packet i of a lane, counted from the oldest: its stamp, its inputs. */
-static inline double *packet(const Part *a, const Component *c, int lane, int64_t i) {
-    return c->packets + (lane * c->capacity + ((a->first[lane] + i) & (c->capacity - 1))) * (1 + c->n_inputs);
+/* The ring of a lane. */
+typedef struct {
+    double *numbers;
+    int64_t size, wrap, *first, *count; /* numbers of a packet, the last slot, the oldest packet, how many */
+} Packets;
+
+static inline Packets packets_of(Part *a, const Component *c, int lane) {
+    const int64_t size = 1 + c->n_inputs;
+    return (Packets){c->packets + lane * c->capacity * size, size, c->capacity - 1, a->first + lane, a->count + lane};
+}
+
+/* Packet i, counted from the oldest: its stamp, its inputs. */
+static inline double *packet(const Packets *p, int64_t i) {
+    return p->numbers + ((*p->first + i) & p->wrap) * p->size;
 }
 
 /* A sample of time t joins a lane's ring, as shared/channel.h has it. */
 static inline void send(Part *a, const Component *c, int lane, double t, double delay) {
+    const Packets p = packets_of(a, c, lane);
     const double semantics = LANE(a->model.channel.semantics, lane);
-    const size_t size = (size_t)(1 + c->n_inputs) * sizeof(double);
     double stamp = arrival_of(t, delay);
-    int64_t n = a->count[lane];
-    if (semantics == (double)SEMANTICS_TRANSPORT_DELAY && n > 0 && packet(a, c, lane, n - 1)[0] > stamp)
-        stamp = packet(a, c, lane, n - 1)[0];
+    int64_t n = *p.count;
+    if (semantics == (double)SEMANTICS_TRANSPORT_DELAY && n > 0 && packet(&p, n - 1)[0] > stamp)
+        stamp = packet(&p, n - 1)[0];
     if (semantics == (double)SEMANTICS_NEWEST_PACKET)
-        while (n > 1 && packet(a, c, lane, n - 1)[0] >= stamp) n--;
-    a->count[lane] = n + 1;
-    for (; n > 0 && packet(a, c, lane, n - 1)[0] > stamp; n--)
-        memcpy(packet(a, c, lane, n), packet(a, c, lane, n - 1), size);
-    packet(a, c, lane, n)[0] = stamp;
-    for (int64_t i = 0; i < c->n_inputs; i++) packet(a, c, lane, n)[1 + i] = LANE(values_of(a)[c->inputs[i]], lane);
+        while (n > 1 && packet(&p, n - 1)[0] >= stamp) n--;
+    *p.count = n + 1;
+    for (; n > 0 && packet(&p, n - 1)[0] > stamp; n--)
+        memcpy(packet(&p, n), packet(&p, n - 1), (size_t)p.size * sizeof(double));
+    double *sent = packet(&p, n);
+    sent[0] = stamp;
+    for (int64_t i = 0; i < c->n_inputs; i++) sent[1 + i] = LANE(values_of(a)[c->inputs[i]], lane);
 }
 
 /* The last packet that has arrived, those before it dropped, and the one behind it (itself, where there is none). */
 static inline void receive(Part *a, const Component *c, int lane, double t, const double **shown, const double **next) {
-    int64_t drop = 0;
-    while (drop + 1 < a->count[lane] && packet(a, c, lane, drop + 1)[0] <= t + RING_SAME) drop++;
-    a->first[lane] += drop, a->count[lane] -= drop;
-    *shown = packet(a, c, lane, 0);
-    *next = packet(a, c, lane, a->count[lane] > 1);
+    const Packets p = packets_of(a, c, lane);
+    int64_t left = *p.count;
+    while (left > 1 && packet(&p, 1)[0] <= t + RING_SAME) *p.first += 1, left--;
+    *p.count = left;
+    *shown = packet(&p, 0);
+    *next = packet(&p, left > 1);
 }
 
 static inline void show_packets(const Component *c, const VariableDelayChannelModel *m, double t,
                                 const double *const *shown_now, const double *const *next, real *out) {
+    if (!any(channel_lines(m->semantics, m->interpolation))) {
+        for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = gathered(shown_now, 1 + i);
+        return;
+    }
     const real from = gathered(shown_now, 0), after = gathered(next, 0);
     const real part = channel_part(m->semantics, m->interpolation, t - from, after - from);
     for (int64_t i = 0; i < c->n_inputs; i++)
@@ -144,7 +161,7 @@ static void start_packets(Part *a, const Component *c) {
     for (int lane = 0; lane < LANES; lane++) {
         a->first[lane] = a->count[lane] = 0;
         send(a, c, lane, 0.0, 0.0);
-        packet(a, c, lane, 0)[0] = CHANNEL_BEFORE;
+        c->packets[lane * c->capacity * (1 + c->n_inputs)] = CHANNEL_BEFORE;
         send(a, c, lane, 0.0, c->series[lane][0]);
     }
 }

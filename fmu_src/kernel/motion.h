@@ -43,9 +43,9 @@ static inline void rates(void *system, double offset, const real *at, real *k) {
 static inline void effect_torques(const Part *a, const ArmPose *p, double t, const real *state, real torque[3],
                                   real *k) {
     const PhantomArmModel *m = &a->model.arm;
-    Joint joints[3];
-    real motor[3], others[3];
-    for (int i = 0; i < 3; i++) joints[i] = arm_joint(m, i), joints[i].present = a->effects, others[i] = real_of(0.0);
+    const Joint *const joints = a->joints;
+    const real none = real_of(0.0);
+    real motor[3], others[3] = {none, none, none};
     arm_command(m, p, motor);
     arm_add_own_command(m, p, state + 3, motor);
     if (a->coupled) arm_coupling(m, joints, state, state + 3, others);
@@ -74,13 +74,14 @@ static inline void effect_rates(void *system, double offset, const real *at, rea
     m->indefinite = choose(arm_respond(&inertia, torque, k + 3), m->indefinite, real_of(1.0));
 }
 
-/* Which effects any joint of any lane has. */
+/* The joints, and which effects any of any lane has. */
 static void note_effects(Part *a) {
     const PhantomArmModel *m = &a->model.arm;
     a->effects = 0;
 #define JOINT_FIELD(name) a->effects |= (uint64_t)arm_has(m->name, 3) << JOINT_PLACE_##name;
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
+    for (int i = 0; i < 3; i++) a->joints[i] = arm_joint(m, i), a->joints[i].present = a->effects;
     a->coupled =
         arm_has(m->coupling_viscous, 6) || arm_has(m->coupling_coulomb, 6) || arm_has(m->coupling_stiffness, 6);
 }
@@ -139,9 +140,20 @@ static inline void hand_rates(void *system, double offset, const real *at, real 
     OperatorModel *m = &a->model.operator_;
     for (int i = 0; at && i < HAND_STATES; i++) m->hand_x[i] = at[i];
     move_inputs(a, offset);
-    if (a->begun + offset != a->sine_at) a->sine_at = a->begun + offset, a->sine = operator_reference(m, a->sine_at);
-    operator_motion(m, a->sine);
+    operator_motion(m, a->sines[offset == a->offsets[0] ? 0 : offset == a->offsets[1] ? 1 : 2]);
     for (int i = 0; i < 3; i++) k[i] = m->hand_dx[i], k[3 + i] = m->hand_ddx[i];
+}
+
+/* The sines of the reference's motion at the beginning, in the middle and at the end of an internal step. */
+static inline void find_sines(Part *a, double offset, double size) {
+    const OperatorModel *m = &a->model.operator_;
+    const real last = a->sines[2];
+    a->offsets[0] = offset, a->offsets[1] = offset + 0.5 * size, a->offsets[2] = offset + size;
+    if (a->begun + offset == a->sine_at) /* the end of the step before */
+        operator_references(m, 2, a->begun, a->offsets + 1, a->sines + 1), a->sines[0] = last;
+    else
+        operator_references(m, 3, a->begun, a->offsets, a->sines);
+    a->sine_at = a->begun + a->offsets[2];
 }
 
 static void step_operator(Part *a, double time, double size, real *out) {
@@ -150,8 +162,10 @@ static void step_operator(Part *a, double time, double size, real *out) {
     real states[HAND_STATES];
     a->begun = time;
     for (int64_t i = 0; i < steps; i++) {
+        const double offset = size * (double)i / (double)steps;
         memcpy(states, m->hand_x, sizeof states);
-        runge_kutta(hand_rates, a, HAND_STATES, states, size * (double)i / (double)steps, size / (double)steps);
+        find_sines(a, offset, size / (double)steps);
+        runge_kutta(hand_rates, a, HAND_STATES, states, offset, size / (double)steps);
         memcpy(m->hand_x, states, sizeof states);
     }
     move_inputs(a, size);

@@ -91,14 +91,16 @@ typedef struct {
     real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
     const Wire *lines;                                       /* ARM, OPERATOR: [n_lines] */
     int64_t n_lines;
-    double moved;     /* ARM: s, how far along */
-    double begun;     /* ARM, OPERATOR: s, time of the communication point */
-    uint64_t effects; /* ARM: bits by JOINT_PLACE of what any joint of any lane has beside friction */
-    int64_t coupled;  /* ARM: whether a joint of any lane feels another one */
-    double sine_at;   /* OPERATOR: s, time of its reference's sine */
-    real sine;
-    ArmPose pose; /* ARM: of the state */
-    int64_t head; /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
+    double moved;      /* ARM: s, how far along */
+    double begun;      /* ARM, OPERATOR: s, time of the communication point */
+    uint64_t effects;  /* ARM: bits by JOINT_PLACE of what any joint of any lane has beside friction */
+    int64_t coupled;   /* ARM: whether a joint of any lane feels another one */
+    Joint joints[3];   /* ARM: its parameters, joint by joint */
+    double sine_at;    /* OPERATOR: s, time of the last of its reference's sines */
+    double offsets[3]; /* OPERATOR: s, from `begun` to the beginning, middle and end of the internal step */
+    real sines[3];     /* OPERATOR: of its reference's motion there */
+    ArmPose pose;      /* ARM: of the state */
+    int64_t head;      /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
     int64_t at[LANES];
     real delay, next_stamp, next[CHANNEL_INPUTS];

@@ -12,7 +12,11 @@ from cosim.analysis.spectrum import abscissa, max_delay
 from cosim.analysis.stepped import stepped
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario
+from tests.support.foreign import from_python
 from tests.support.own_fmus import own_loop, remembering_controller, static_controller, without
+from tests.support.paths import ROOT
+
+BEGINNINGS = ROOT / "cosim" / "api" / "beginnings"
 
 
 def _coupled(scenario):
@@ -84,6 +88,29 @@ def test_a_step_of_age_is_found_and_named_and_the_growth_agrees():
     assert any("its outputs follow 1 step (0.001 s) later" in note for note in said["notes"])
     assert said["spectrum"]["abscissa"] == pytest.approx(said["simulation"]["growth_rate"], rel=5e-3)
     assert said["prediction"]["error"] < 0.01
+
+
+LATER = """
+    def do_step(self, time, step):
+        self.f[:] = self.after
+        self._law()
+        return True
+"""
+"""What a step computes shows after the next one."""
+
+
+@pytest.mark.needs("exporters")
+def test_a_step_of_age_in_python_is_found_and_named_and_predicts_the_growth(tmp_path):
+    """The controller that `cosim new` writes, with outputs that follow a step later; its memory cannot be saved."""
+    law = (BEGINNINGS / "controller-python" / "NewController.py.template").read_text(encoding="utf-8")
+    law = law.replace("self.f[i] = ", "self.after[i] = ")
+    law = law.replace("__init__(**kwargs)\n", "__init__(**kwargs)\n        self.after = [0.0] * 3\n")
+    begin, end = law.index("    def do_step"), law.index("    def _law")
+    fmu = from_python("pythonfmu", law[:begin] + LATER.lstrip("\n") + "\n" + law[end:], tmp_path)
+    said = cosim.stability(own_loop(fmu, {"channel_*.delay_mean": 0.3, "experiment.stop": 12.0})).to_dict()
+    assert said["linearised"]["controller_l"]["late_steps"] == 1 and said["evidence"] == "simulated"
+    assert said["linearised"]["controller_l"]["from"].endswith("its outputs follow 1 step (0.001 s) later")
+    assert said["spectrum"]["predicted"] == pytest.approx(said["simulation"]["growth_rate"], rel=5e-3)
 
 
 def test_with_access_to_its_state_the_boundary_is_that_of_the_co_simulation():

@@ -32,7 +32,7 @@ LIFTS: tuple[dict[int, int], ...] = ({}, {4: 1})
 """
 SLOW_LIFTS: tuple[dict[int, int], ...] = ({4: 1}, {2: 1})
 """The same where the slope of the delay is bounded: the earlier moment says most where the law has hardly changed."""
-BELOW = (0.022, 0.03, 0.038, 0.048, 0.065, 0.1, 0.15, 0.22, 0.32, 0.45, 0.65)
+BELOW = (0.022, 0.03, 0.038, 0.043, 0.048, 0.055, 0.065, 0.1, 0.15, 0.22, 0.32, 0.45, 0.65)
 """Parts by which a certificate is asked below the destroying law, one after another until one is proven."""
 Say = Callable[[str], None]
 

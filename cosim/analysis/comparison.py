@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from cosim.analysis.assessment import Theory, boundary, plant_ports, theory
 from cosim.analysis.coupling import Coupled, coupled
@@ -14,7 +14,8 @@ from cosim.analysis.examination import examine
 from cosim.analysis.falsification import Falsification
 from cosim.analysis.linear_fmu import LinearFmu, steady_channel
 from cosim.analysis.linearisation import LinearLoop, linear_loop
-from cosim.analysis.margin import Margins, margins
+from cosim.analysis.margin import Margins, OpenResponse, margins
+from cosim.analysis.opened import NotOpenError
 from cosim.analysis.passivity import PortPassivity
 from cosim.analysis.prediction import Prediction, predict
 from cosim.analysis.stepped import Stepped, stepped
@@ -123,8 +124,9 @@ def compare(
     looked = called(partial(_looked, scenario, system), _Looked, scenario, system, "the loop was linearised")
     loop = looked.loop
     said = theory(wiring, loop, looked.coupled, looked.stepped, looked.prediction)
-    family = None if loop.unseen else loop.family()
-    margin = margins(family, max(loop.delays)) if family and loop.delays[0] == loop.delays[1] else None
+    margin = _margin(said, loop, looked.stepped, _still(scenario, system, loop))
+    if margin is not None:
+        said = evolve(said, withheld={key: why for key, why in said.withheld.items() if key != "margin"})
     limit = None
     if said.abscissa is not None:
         limit = looked.stepped.max_delay(_still(scenario, system, loop)) if loop.unseen else boundary(loop)
@@ -132,3 +134,20 @@ def compare(
     judged = judged_run(asked, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
     return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus, looked.stepped), loop
+
+
+def _margin(said: Theory, loop: LinearLoop, discrete: Stepped, wiring: Wiring) -> Margins | None:
+    """Margins of the linear loop, or of the FMUs' maps where it is not seen whole.
+
+    None where the ways have different delays, or nothing is known of the spectrum.
+    """
+    delays = {fmu.delay for fmu in discrete.fmus.values() if fmu.delay is not None}
+    if said.abscissa is None or len(delays) != 1:
+        return None
+    if not loop.unseen:
+        family = loop.family()
+        return margins(OpenResponse.of(family), max(loop.delays)) if family else None
+    try:
+        return margins(OpenResponse.of_maps(wiring, discrete), *delays)
+    except NotOpenError:
+        return None

@@ -3,7 +3,7 @@
 The loop is opened at the channel: with G(s) the eigenvalues of (s I - F(s))^-1 G_c(s) of a `DelayFamily`, the
 characteristic equation is 1 - g(s) exp(-s T) = 0, so L = -g exp(-s T) meets Nyquist's point -1. The delay is the
 exact exponential at every frequency, never a Pade approximation. A free loop passes -1 at w = 0 for every gain (both
-arms displaced together).
+arms displaced together). A loop that is known by the maps of its FMUs over a step is opened there as well.
 """
 
 from typing import Any
@@ -12,7 +12,13 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from cosim.analysis.opened import gains as gains_of_maps
 from cosim.analysis.spectrum import DelayFamily, _gains, root_bound
+from cosim.analysis.stepped import Stepped
+from cosim.wiring import Wiring
+
+_SLOWEST, _SAMPLES = 3e-6, 200
+"""Of maps: the lowest frequency over that of half a turn a step, and how many are looked at; each solves the map."""
 
 
 @frozen
@@ -38,14 +44,33 @@ class Locus:
     response: NDArray[np.complex128]
 
 
-def loci(family: DelayFamily, delay: float, samples: int = 1200) -> list[Locus]:
-    """Characteristic loci of the loop opened at the channel, strongest first; those that never reach 1e-3 are left
-    out.
+@frozen
+class OpenResponse:
+    """A loop opened at its channels: `frequency` (n,) [rad/s] and `gains` (n, k), the eigenvalues there [1]."""
+
+    frequency: np.ndarray
+    gains: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, family: DelayFamily, samples: int = 1200) -> "OpenResponse":
+        """Of a linear loop in continuous time."""
+        top = 1.05 * root_bound(family.at(0.0))
+        grid = np.geomspace(1e-4 * top, top, samples)
+        return cls(grid, _gains(family, grid))
+
+    @classmethod
+    def of_maps(cls, wiring: Wiring, discrete: Stepped) -> "OpenResponse":
+        """Of a loop known by the maps of its FMUs over a step. Raises NotOpenError."""
+        turns = np.geomspace(_SLOWEST * np.pi, np.pi, _SAMPLES)
+        return cls(turns * 1e9 / wiring.schedule.step_ns, gains_of_maps(wiring, discrete, turns))
+
+
+def loci(opened: OpenResponse, delay: float) -> list[Locus]:
+    """Characteristic loci of the opened loop with a delay [s] in every channel, strongest first; those that never reach
+    1e-3 are left out.
     """
-    top = 1.05 * root_bound(family.at(0.0))
-    grid = np.geomspace(1e-4 * top, top, samples)
-    gains = _followed(_strongest(_gains(family, grid)))
-    responses = -gains * np.exp(-1j * grid * delay)[:, None]
+    grid = opened.frequency
+    responses = -_followed(_strongest(opened.gains)) * np.exp(-1j * grid * delay)[:, None]
     order = np.argsort(-np.abs(responses).max(axis=0))
     return [Locus(grid, responses[:, k]) for k in order if np.abs(responses[:, k]).max() > 1e-3]
 
@@ -69,18 +94,18 @@ def _followed(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def margins(family: DelayFamily, delay: float) -> Margins:
+def margins(opened: OpenResponse, delay: float) -> Margins:
     """Worst margins over the loci at the channel delay T [s] each way, by `control.stability_margins` on response data.
 
-    Both directions share T, so each locus of the one-channel family carries exp(-s T). The crossings |L| = 1 do not
+    All channels share T, so each locus carries exp(-s T). The crossings |L| = 1 do not
     depend on T: their phase margins without delay, over frequency, are the delays they allow, and T uses these up. So
     `delay` and `phase` are negative for a loop that T makes unstable, and `gain` is then the factor below 1 that
     makes it stable again.
     """
-    found = [crossing for locus in loci(family, 0.0) for crossing in _crossings(locus)]
+    found = [crossing for locus in loci(opened, 0.0) for crossing in _crossings(locus)]
     lag, frequency = min(found, default=(np.inf, np.nan))
     left = lag - delay
-    gains = [g for locus in loci(family, delay) for g in _gains_at_crossing(locus)]
+    gains = [g for locus in loci(opened, delay) for g in _gains_at_crossing(locus)]
     stable = left > 0.0
     gain = (
         min((g for g in gains if g > 1.0), default=np.inf)

@@ -13,6 +13,7 @@ from attrs import frozen
 
 from cosim.analysis.linear_fmu import is_channel
 from cosim.analysis.sampled_loop import SampledLoop
+from cosim.analysis.sparse import sparse
 from cosim.analysis.step_fmu import StepFmu
 from cosim.analysis.step_loop import StepLoop, step_loop
 from cosim.analysis.stepped import Stepped
@@ -55,6 +56,34 @@ class OpenedLoop:
 
 def opened(wiring: Wiring, discrete: Stepped) -> OpenedLoop:
     """The opened loop of a wiring whose FMUs are known by their maps. Raises NotOpenError."""
+    whole, channels = _whole(wiring, discrete)
+    loop, missed = _smallest(whole, [whole.places[n] for n in channels])
+    return OpenedLoop(loop, channels, missed)
+
+
+def gains(wiring: Wiring, discrete: Stepped, frequencies: np.ndarray) -> np.ndarray:
+    """Eigenvalues of the loop opened at its channels at frequencies [rad/step], shape (frequencies, signals).
+
+    What is sent, x, answers what is shown, y, as x = G y; channels of d steps close the loop where an eigenvalue of G
+    is exp(i d frequency). With y = x + w, x = H w is the loop without delay, so that G = (1 + H)^-1 H. That loop need
+    not come to rest. Raises NotOpenError.
+    """
+    from scipy.sparse.linalg import splu
+
+    whole, channels = _whole(wiring, discrete)
+    sent, rest = _parted(whole, [whole.places[n] for n in channels])
+    within = whole.matrix.tocsr()[rest]
+    a, b = within[:, rest].tocsc(), within[:, sent].toarray().astype(complex)
+    c, one = whole.matrix.tocsr()[sent][:, rest], sparse.eye_array(len(rest), format="csc")
+    found = []
+    for turn in frequencies:
+        response = c @ splu((np.exp(1j * turn) * one - a).tocsc()).solve(b)
+        found.append(np.linalg.eigvals(np.linalg.solve(np.eye(len(sent)) + response, response)))
+    return np.array(found)
+
+
+def _whole(wiring: Wiring, discrete: Stepped) -> tuple[StepLoop, dict[str, tuple[str, ...]]]:
+    """The map over a step with open channels, and their inputs by name. Raises NotOpenError."""
     names = [n for n in wiring.scenario.components if is_channel(wiring.descriptions[n])]
     names = [n for n in names if n in discrete.fmus and discrete.fmus[n].delay is not None]
     if not names:
@@ -67,9 +96,15 @@ def opened(wiring: Wiring, discrete: Stepped) -> OpenedLoop:
     whole = step_loop(wiring, fmus)
     if len(whole.phases) > 1:
         raise NotOpenError("its components step at different multiples of the communication step")
-    channels = {n: fmus[n].inputs for n in names}
-    loop, missed = _smallest(whole, [whole.places[n] for n in names])
-    return OpenedLoop(loop, channels, missed)
+    return whole, {n: fmus[n].inputs for n in names}
+
+
+def _parted(whole: StepLoop, places: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Places in the map of what is sent, and of all else. Raises NotOpenError."""
+    sent = np.concatenate([np.arange(*place) for place in places])
+    if abs(whole.matrix.tocsr()[sent][:, sent]).sum():
+        raise NotOpenError("a signal passes two channels within a step")
+    return sent, np.setdiff1d(np.arange(whole.matrix.shape[0]), sent)
 
 
 def _open(fmu: StepFmu) -> StepFmu:
@@ -85,10 +120,7 @@ def _smallest(whole: StepLoop, places: list[tuple[int, int]]) -> tuple[SampledLo
     if whole.matrix.shape[0] > _MOST:
         raise NotOpenError(f"the map of its FMUs over a step holds {whole.matrix.shape[0]} numbers, more than {_MOST}")
     matrix = whole.matrix.toarray()
-    sent = np.concatenate([np.arange(*place) for place in places])
-    rest = np.setdiff1d(np.arange(len(matrix)), sent)
-    if np.any(matrix[np.ix_(sent, sent)]):
-        raise NotOpenError("a signal passes two channels within a step")
+    sent, rest = _parted(whole, places)
     a, b, c = matrix[np.ix_(rest, rest)], matrix[np.ix_(rest, sent)], matrix[np.ix_(sent, rest)]
     moved, moved_now = c @ (a - np.eye(len(a))), c @ b
     whole_loop = SampledLoop(a, b, moved, moved_now, whole.period)

@@ -7,7 +7,7 @@ from cosim.analysis.delay_verdict import AnyDelay
 from cosim.analysis.document import notes
 from cosim.analysis.evidence import StabilityEvidence
 from cosim.analysis.linearisation import LinearLoop
-from cosim.analysis.margin import loci
+from cosim.analysis.margin import OpenResponse, loci
 from cosim.analysis.spectrum import DelayFamily, abscissa, roots
 from cosim.analysis.transparency import Hybrid
 from cosim.errors import InputError, Problem
@@ -181,7 +181,7 @@ def loop_figure(found: Comparison, loop: LinearLoop) -> Figure:
 
 
 def _nyquist(found: Comparison, family: DelayFamily) -> Plot:
-    responses = [locus.response for locus in loci(family, max(found.theory.delays))[:3]]
+    responses = [locus.response for locus in loci(OpenResponse.of(family), max(found.theory.delays))[:3]]
     series = [Series(f"locus {k + 1}", r.real, r.imag, COLOURS[k]) for k, r in enumerate(responses)]
     series.append(Series("-1", np.array([-1.0]), np.zeros(1), Colour.RED, Mark.POINTS, symbol="+", size=10.0))
     return Plot(

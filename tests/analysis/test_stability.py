@@ -12,7 +12,7 @@ from cosim.analysis.criteria import closed_form
 from cosim.analysis.evidence import StabilityEvidence, strongest
 from cosim.analysis.examination import examine
 from cosim.analysis.linearisation import linear_loop, linearise
-from cosim.analysis.margin import margins
+from cosim.analysis.margin import OpenResponse, margins
 from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import position_loop
 from cosim.engine.outcome import Outcome
@@ -61,11 +61,13 @@ def test_delay_margin_of_python_control_is_what_the_closed_form_leaves():
     """Splines between response points: 1e-8 relative is what the grid of 1200 points leaves."""
     for mass, delay in ((0.06, 0.1), (0.06, 0.3), (0.2, 0.2)):
         family = position_loop((mass, mass), (0.25, 0.25), (0.09, 0.09))
-        assert margins(family, delay).delay == pytest.approx(closed_form(mass, 0.25, 0.09) - delay, rel=1e-6)
+        assert margins(OpenResponse.of(family), delay).delay == pytest.approx(
+            closed_form(mass, 0.25, 0.09) - delay, rel=1e-6
+        )
 
 
 def test_margins_of_an_unstable_loop_are_negative():
-    found = margins(position_loop((0.06, 0.06), (0.25, 0.25), (0.09, 0.09)), 0.6)
+    found = margins(OpenResponse.of(position_loop((0.06, 0.06), (0.25, 0.25), (0.09, 0.09))), 0.6)
     assert found.delay < 0 and found.phase < 0 and found.gain < 1
 
 
@@ -74,7 +76,7 @@ def test_gain_margin_puts_a_root_on_the_imaginary_axis():
     loop).
     """
     family = position_loop((0.06, 0.06), (0.25, 0.25), (0.09, 0.09))
-    gain = margins(family, 0.3).gain
+    gain = margins(OpenResponse.of(family), 0.3).gain
     from cosim.analysis.spectrum import DelayFamily, DelaySystem, roots
 
     scaled = DelayFamily(family.fixed, DelaySystem([gain * m for m in family.channel.matrices], family.channel.delays))

@@ -22,7 +22,7 @@ SIGNALS = {"direction": "dq", "speed": "dq", "torque": "tau", "load": "tau", "ac
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("laboratory", choices=["a", "b"])
+    parser.add_argument("laboratory", choices=["a", "b", "c"])
     parser.add_argument("--kind", choices=["one", "complete", "pair", "outside"], default="one")
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=1000, help="first seed")

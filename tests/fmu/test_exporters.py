@@ -40,8 +40,15 @@ class Two(Fmi2Slave):
 """
 
 THREE = """
+from enum import Enum
 import numpy as np
-from pythonfmu3 import Boolean, Dimension, Float64, Fmi3Causality, Fmi3Slave, Fmi3Variability, Int32, Int64, UInt64
+from pythonfmu3 import Boolean, Dimension, Enumeration, EnumerationType, Float64, Fmi3Causality, Fmi3Slave
+from pythonfmu3 import Fmi3Variability, Int32, Int64, String, UInt64
+from pythonfmu3.enums import Fmi3Status
+
+class Gait(Enum):
+    rest = 3
+    walk = 7
 
 class Three(Fmi3Slave):
     def __init__(self, **kwargs):
@@ -61,8 +68,20 @@ class Three(Fmi3Slave):
         self.register_variable(Boolean("on", **discrete))
         tunable = dict(causality=Fmi3Causality.parameter, variability=Fmi3Variability.tunable)
         self.register_variable(Float64("k", **tunable))
+        self.gait, self.chosen, self.word, self.fails = 3, 3, "start", -1.0
+        kind = EnumerationType("Gait", Gait)
+        Enumeration.dimensions, Enumeration.size = (), lambda *_: 1     # which the exporter 0.3.4 asks for and forgot
+        self.register_variable(Enumeration("gait", **discrete), var_type=kind)
+        self.register_variable(Enumeration("chosen", start=3, **tunable), var_type=kind)
+        self.register_variable(String("word", start="start", **tunable))
+        self.register_variable(Float64("fails", **tunable))
 
     def do_step(self, time, step):
+        if 0.0 <= self.fails <= time:
+            raise ValueError(f"the table ends at {self.fails} in {self.word}")
+        if time > 0.5:
+            self.log("it walks", Fmi3Status.warning)
+        self.gait = self.chosen if time > 0.5 else 3
         self.v = self.k * np.array([time, 2.0 * time, 3.0 * time])
         self.m = np.array([[time, 1.0], [2.0, -time]])
         self.y += step * self.k
@@ -99,18 +118,22 @@ def test_scalars_of_fmi_2_equal_fmpy(two):
 
 
 def test_scalars_and_arrays_of_fmi_3_equal_fmpy(three):
-    theirs = simulated(three, k=1.5)
-    result = cosim.run(scenario(three.parent, {"a": (three, {"k": 1.5})}, step=STEP))
-    for name in ("v", "m", "y", "small", "large", "count", "on"):
+    """Of an enumeration by the item's value, 7, which is neither its position nor its number of items."""
+    theirs = simulated(three, k=1.5, chosen=7)
+    result = cosim.run(scenario(three.parent, {"a": (three, {"k": 1.5, "chosen": "walk"})}, step=STEP))
+    for name in ("v", "m", "y", "small", "large", "count", "on", "gait"):
         ours = result[f"a.{name}"]
         np.testing.assert_array_equal(ours, theirs[name].reshape(ours.shape), name)
+    assert result["a.gait"][0] == 3 and result["a.gait"][-1] == 7
     assert result["a.m"][-1].tolist() == [theirs["time"][-2], 1.0, 2.0, -theirs["time"][-2]]
 
 
-def test_what_a_python_fmu_logs_and_raises_is_told(two):
-    result = cosim.run(scenario(two.parent, {"a": (two, {})}))
-    assert [(m["text"], m["level"]) for m in result.summary["messages"]] == [("the switch is on", "warning")]
-    failed = cosim.run(scenario(two.parent, {"a": (two, {"fails": 0.2, "word": "trace.csv"})}))
+@pytest.mark.parametrize(("exporter", "words"), [("two", "the switch is on"), ("three", "it walks")])
+def test_what_a_python_fmu_logs_and_raises_is_told(exporter, words, request):
+    file = request.getfixturevalue(exporter)
+    result = cosim.run(scenario(file.parent, {"a": (file, {})}))
+    assert [(m["text"], m["level"]) for m in result.summary["messages"]] == [(words, "warning")]
+    failed = cosim.run(scenario(file.parent, {"a": (file, {"fails": 0.2, "word": "trace.csv"})}))
     assert failed.outcome is Outcome.FAILED and isinstance(failed.failure, RunError)
     assert "the table ends at 0.2 in trace.csv" in str(failed.failure) and "t = 0.2 s" in str(failed.failure)
 

@@ -16,6 +16,7 @@ from cosim.identification.stack import Stack, coulomb_label, stack, with_columns
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording
 
+HALF = 0.5  # of the Coulomb friction: a smoothed sign that takes more from the slowest rows is another effect
 WIDER = 4  # times that the rows left out round a servo's dead band may grow
 MARGIN = 1.5
 """Of a dead band: rows up to there are left out in the next fit. An estimate from rows of which some lie within the
@@ -129,7 +130,7 @@ def _with_plausible_tail(full: Stack, method: Method, model: LinearModel, record
     doubtful = [
         tail
         for tail in tails
-        if tail not in value or score[tail] > -1 or -value[tail] > 0.5 * abs(value.get(coulomb_label(tail), 0.0))
+        if tail not in value or score[tail] > -1 or -value[tail] > HALF * abs(value.get(coulomb_label(tail), 0.0))
     ]
     kept = without(full, tuple(doubtful))
     notes = [

@@ -7,6 +7,8 @@ from cosim.identification.estimate import RANK
 from cosim.identification.stack import Stack
 from cosim.measured.label import Label
 
+EMPTY = 1e-12  # of the largest column: zero but for rounding
+SHOWN = 1e-6  # weights that are told
 INFLATION = 1e5
 """Variance inflation factor above which a column counts as a combination of the others."""
 
@@ -30,7 +32,7 @@ def identifiability(stack: Stack) -> Identifiability:
 
     y = stack.equations(stack.fit)[0]
     norms = np.sqrt((y**2).sum(axis=0))
-    empty = norms <= 1e-12 * norms.max()
+    empty = norms <= EMPTY * norms.max()
     scaled = y / np.where(empty, 1.0, norms)
     triangle, pivot = map(np.asarray, qr(np.linalg.qr(scaled, mode="r"), mode="r", pivoting=True))
     rank = int((np.abs(np.diag(triangle)) > RANK * abs(triangle[0, 0])).sum())
@@ -55,6 +57,6 @@ def _combinations(
     weights = np.linalg.solve(triangle[:rank, :rank], triangle[:rank, rank:])
     texts = []
     for column, k in enumerate(pivot[rank:]):
-        parts = [str(labels[pivot[b]]) for b in np.flatnonzero(np.abs(weights[:, column]) > 1e-6)]
+        parts = [str(labels[pivot[b]]) for b in np.flatnonzero(np.abs(weights[:, column]) > SHOWN)]
         texts.append(f"{labels[k]}: {'not excited at all' if empty[k] else 'depends on ' + ', '.join(parts)}")
     return tuple(texts)

@@ -8,7 +8,7 @@ from cosim.identification.doubted import Doubted, doubted
 from cosim.identification.estimate import estimate
 from cosim.identification.fit import Fit, fit
 from cosim.identification.identifiability import Identifiability
-from cosim.identification.intervals import Spread
+from cosim.identification.intervals import BLOCKS, Spread
 from cosim.identification.linear_model import FRICTION, LinearModel
 from cosim.identification.method import Method, suggested, taati
 from cosim.identification.models import linear_model
@@ -191,7 +191,7 @@ def _doubts(found: Identification) -> list[str]:
     if wide:
         names = ", ".join(map(str, wide))
         doubts.append(f"not determined by this motion (interval wider than the parameter's usual size): {names}")
-    if found.spread.blocks < 12:
+    if found.spread.blocks < BLOCKS:
         doubts.append(f"only {found.spread.blocks} independent blocks: intervals are rough")
     return doubts + _against_declared(found) + _outside(found.stack)
 

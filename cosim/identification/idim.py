@@ -13,6 +13,8 @@ from cosim.measured.device import AxisDevice
 from cosim.measured.recording import Recording, Run
 
 CUTOFF, DROPPED, FACTOR = 100.0, 49, 10
+SLOWEST = 1.3e-3  # s: the new Nyquist frequency is then 38 Hz; of slower recordings no motion is left below it
+PADDED = 40 * FACTOR  # rows: the start-up of both filters at either end
 RegressorRows = tuple[np.ndarray, np.ndarray]
 """Columns (m, p) and force (m,)."""
 
@@ -45,7 +47,7 @@ def idim(recording: Recording, other: np.ndarray) -> Idim | None:
     it, or torques were clipped.
     """
     axis = recording.device
-    if not isinstance(axis, AxisDevice) or any(run.step > 1.3e-3 or run.clipped is not None for run in recording.runs):
+    if not isinstance(axis, AxisDevice) or any(run.step > SLOWEST or run.clipped is not None for run in recording.runs):
         return None
     train, held = _rows(recording, axis, False), _rows(recording, axis, True)
     if train is None:
@@ -85,7 +87,7 @@ def _judged(params: np.ndarray, train: RegressorRows, held: RegressorRows | None
 def _stretch(rows: np.ndarray) -> slice | None:
     """The rows as one slice, None where they are too few to filter."""
     marked = np.flatnonzero(rows)
-    return slice(marked[0], marked[-1] + 1) if len(marked) > 40 * FACTOR else None
+    return slice(marked[0], marked[-1] + 1) if len(marked) > PADDED else None
 
 
 def _decimated(run: Run, rows: slice, gravity: bool) -> RegressorRows:

@@ -11,6 +11,10 @@ from cosim.identification.estimate import ParameterEstimate
 from cosim.identification.stack import Stack
 
 LEVEL = 0.95
+LOST = 0.05  # correlation that counts as none: 400 rows that have none show it with their own scatter, 1 / sqrt(400)
+LONGER = 10  # times the memory: what neighbouring blocks share is then a tenth of them
+BLOCKS = 12  # of fewer a jackknife's own standard deviation is known to less than 20 %, 1 / sqrt(2 * 12)
+PAIRED = 0.02  # of the rows: lags with fewer pairs, over holes, say nothing of the correlation
 
 
 @frozen(eq=False)
@@ -30,7 +34,7 @@ def spread(stack: Stack, estimate: ParameterEstimate) -> Spread:
     y, tau, joint, stamp = stack.equations(stack.fit)
     residual = tau - y @ estimate.params
     memory = np.array([_memory(stack, residual, joint, stamp, j) for j in range(stack.tau.shape[1])])
-    length = max(int(np.ceil(10 * memory.max())), 4)
+    length = max(int(np.ceil(LONGER * memory.max())), 4)
     number = _blocks(stack, stamp, length)
     scale = np.sqrt((estimate.weights[:, None] * y**2).sum(axis=0))
     scale[scale == 0] = 1.0
@@ -59,7 +63,7 @@ def _variance(residual: np.ndarray, weights: np.ndarray, parameters: int) -> flo
 
 def _memory(stack: Stack, residual: np.ndarray, joint: np.ndarray, stamp: np.ndarray, j: int) -> float:
     """Integrated autocorrelation 1 + 2 sum rho_k of a joint's residual in rows, up to where rho first falls below
-    0.05.
+    LOST.
     """
     series = np.zeros(len(stack.time))
     present = np.zeros(len(stack.time))
@@ -76,17 +80,17 @@ def memory(series: np.ndarray, present: np.ndarray) -> float:
     products = np.fft.irfft(power, size)[: len(series)]
     if products[0] <= 0:
         return 1.0
-    usable = pairs > 0.02 * pairs[0]
+    usable = pairs > PAIRED * pairs[0]
     rho = np.where(usable, products / np.maximum(pairs, 1), 0.0) / (products[0] / pairs[0])
-    below = np.flatnonzero(rho < 0.05)
+    below = np.flatnonzero(rho < LOST)
     last = below[0] if len(below) else len(rho)
     return max(1.0 + 2.0 * float(rho[1:last].sum()), 1.0)
 
 
 def _blocks(stack: Stack, stamp: np.ndarray, length: int) -> np.ndarray:
-    """Number of the contiguous block of each equation; blocks do not cross runs and there are at least about 12."""
+    """Number of the contiguous block of each equation; blocks do not cross runs and there are at least about BLOCKS."""
     used = np.unique(stamp)
-    length = max(min(length, len(used) // 12), 1)
+    length = max(min(length, len(used) // BLOCKS), 1)
     edges = np.flatnonzero(np.diff(stack.run[used]) != 0) + 1
     numbers, first = np.empty(len(used), int), 0
     for part in np.split(np.arange(len(used)), edges):

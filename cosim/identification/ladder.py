@@ -29,7 +29,8 @@ GAINS = (
     3200.0,
     4000.0,
 )  # 1/s^2; the paper's end at 1200
-REST = 0.05  # rad/s rms over the last 0.4 s of a half pulse
+REST = 0.05  # rad/s rms over LATE
+PULSE, LATE = 2.0, (1.6, 1.98)  # s: period of half pulses in the scenario, and the end of one, before the next begins
 
 
 @frozen
@@ -86,6 +87,6 @@ def _rung(scenario: Scenario, system: System, parameters: str, gain: float, rate
 def _held(result: Result) -> bool:
     if result.outcome in (Outcome.DOMAIN_EXIT, Outcome.DIVERGED, Outcome.FAILED):
         return False
-    phase = np.mod(result.time, 2.0)
-    late = (phase > 1.6) & (phase < 1.98)
+    phase = np.mod(result.time, PULSE)
+    late = (phase > LATE[0]) & (phase < LATE[1])
     return bool(np.sqrt((result.vector("arm.dq")[late] ** 2).mean(axis=0)).max() < REST)

@@ -14,6 +14,7 @@ from cosim.measured.filtering import FilteredMotion, derivative, motion, near_re
 from cosim.measured.label import Label
 from cosim.measured.recording import Recording, Run
 
+FEW_LEFT = 0.05  # of the rows of a joint that are left away from reversals: then all are kept, which is told
 BLOCK = 1 << 16  # rows whose columns are held at once
 
 
@@ -215,7 +216,7 @@ def _with_rows(full: Stack, joints: tuple[str, ...]) -> Stack:
     keep, notes = full.keep.copy(), []
     for j, joint in enumerate(joints):
         train = full.settled & ~full.test & full.whole[:, j]
-        if full.fit[:, j].sum() < max(0.05 * train.sum(), 3 * full.y.shape[2]):
+        if full.fit[:, j].sum() < max(FEW_LEFT * train.sum(), 3 * full.y.shape[2]):
             keep[:, j] = full.settled & full.whole[:, j]
             notes.append(
                 f"{joint}: almost all rows are near a reversal; none left out, Coulomb friction is not reliable"

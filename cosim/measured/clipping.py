@@ -25,6 +25,9 @@ LEVELS = 50
 """Values that a signal must have: a command of fewer (steps, a switch) may sit at its largest for a fiftieth of the
 rows or more, as it does at each of the others.
 """
+QUARTER = 1.15  # standard deviations of a normal law, beyond which a quarter of it lies
+MOST = 0.5  # of the rows at a limit stand in groups
+ROUNDING = 1e-9  # of the range: what comes from arithmetic
 ENOUGH = 64  # rows: of fewer FEWEST are a fifth, and a sine is in the outer tenth of its range for a fifth of the time
 
 
@@ -64,9 +67,7 @@ def at_extreme(values: np.ndarray) -> np.ndarray:
 def _width(values: np.ndarray) -> float:
     """The noise of a signal (n,), from its fourth differences, or its resolution where that is coarser."""
     bends = np.abs(np.diff(values, 4)) / np.sqrt(70)  # 70 = 1 + 16 + 36 + 16 + 1
-    noise = (
-        float(np.quantile(bends, 0.75)) / 1.15
-    )  # a quarter of a normal law lies beyond 1.15; rows at a limit have none
+    noise = float(np.quantile(bends, 0.75)) / QUARTER  # not the usual size: rows at a limit have none
     levels = np.diff(np.unique(values))
     return max(noise, float(np.median(levels)) if len(levels) else 0.0)
 
@@ -75,14 +76,14 @@ def _at_top(values: np.ndarray, width: float) -> np.ndarray:
     finite = values[np.isfinite(values)]
     high, none = float(finite.max()), np.zeros(len(values), bool)
     span = float(np.ptp(finite))
-    width += 1e-9 * span
+    width += ROUNDING * span
     if high == 0 or len(np.unique(finite)) <= LEVELS:  # off, not at its limit; or a command of few values
         return none
     rows = values > high - width
     beside = int(((finite <= high - width) & (finite > high - 2 * width)).sum())
     if not beside and int((np.diff(rows.astype(int)) == 1).sum()) < VISITS:
         return none
-    piled = rows.sum() > PILED * PARABOLA * beside and _in_groups(rows).sum() >= max(FEWEST, 0.5 * rows.sum())
+    piled = rows.sum() > PILED * PARABOLA * beside and _in_groups(rows).sum() >= max(FEWEST, MOST * rows.sum())
     return rows if piled else none
 
 

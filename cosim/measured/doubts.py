@@ -9,6 +9,18 @@ from cosim.measured import plausibility
 from cosim.measured.notes import Doubt, Notes
 from cosim.measured.recording import Recording, Run
 
+SLOPE = (
+    0.1  # by which dq may differ from q': filters and encoders change it by percents, units by factors of 57 and more
+)
+NEAR_UNIT = 0.15  # likewise, of a ratio of two units, with filters on top
+MOVING, JOINS = 0.3, 0.5  # of the usual step: a run that ends with more is in motion; the next begins within so much
+AVERAGED = 0.02  # s: an encoder's counts are quiet over it, and joints do not turn round within it
+SEGMENT, NARROW = 1024, 512  # rows of a spectrum; of a shorter one: 32 bins of half an octave's width need as many
+SMOOTHED = 9  # bins of a spectrum that are averaged: its scatter of 100 % becomes 33 %
+EMPTY = 1e-4  # of the power: four decades in half an octave are the edge of a filter of order 13, no mechanics
+OCTAVE_HALF = 1.5  # times the frequency, rounded up: sqrt(2)
+RISES = 20.0  # times the gain at low frequencies: elastic joints give a factor of the ratio of inertias, a few
+OUTSIDE = 0.02  # of the range: rounding of a range that is the same
 SUSPECT = (
     (180 / np.pi, "deg"),
     (np.pi / 180, "rad where deg is said"),
@@ -89,9 +101,9 @@ def _velocities(recording: Recording) -> tuple[list[Problem], list[Doubt]]:
     kind = "velocity" if recording.device.recorded_columns else "unused velocity"
     for joint, name in enumerate(recording.description.columns.dq):
         slope = _slope(recording.runs, joint)
-        if slope is None or 0.9 < slope < 1.1:
+        if slope is None or abs(slope - 1) < SLOPE:
             continue
-        unit = next((text for factor, text in SUSPECT if 0.85 < slope / factor < 1.15), None)
+        unit = next((text for factor, text in SUSPECT if abs(slope / factor - 1) < NEAR_UNIT), None)
         if unit:
             got = f"{slope:.4g} times it"
             problems.append(Problem(f"column {name!r}", "the derivative of q", got, f"is it in {unit}? see [units]"))
@@ -105,7 +117,7 @@ def _slope(runs: tuple[Run, ...], joint: int) -> float | None:
     """Least-squares slope of dq against q'(t), both averaged over 20 ms to quiet the encoder."""
     top = bottom = 0.0
     for run in runs:
-        width = max(round(0.02 / run.step), 1)
+        width = max(round(AVERAGED / run.step), 1)
         rows = len(run) // width * width
         if run.dq is None or rows < 3 * width:
             continue
@@ -143,8 +155,8 @@ def _continues(first: Run, second: Run) -> bool:
     step = np.diff(first.q, axis=0)
     usual = np.abs(step).mean(axis=0)
     last, first_next = step[-5:].mean(axis=0), np.diff(second.q[:6], axis=0).mean(axis=0)
-    moving = np.abs(last) > 0.3 * usual
-    joins = np.abs(second.q[0] - first.q[-1] - (last + first_next) / 2) < 0.5 * usual + 1e-12
+    moving = np.abs(last) > MOVING * usual
+    joins = np.abs(second.q[0] - first.q[-1] - (last + first_next) / 2) < JOINS * usual + 1e-12
     return bool(moving.any() and joins.all())
 
 
@@ -158,15 +170,15 @@ def low_passed(signal: np.ndarray, order: int = 0) -> float | None:
 
     for _ in range(order):
         signal = np.diff(signal)
-    if len(signal) < 512 or np.ptp(signal) == 0:
+    if len(signal) < NARROW or np.ptp(signal) == 0:
         return None
     frequency, power = welch(
-        signal - signal.mean(), fs=2.0, nperseg=min(1024, len(signal) // 2), window="blackmanharris"
+        signal - signal.mean(), fs=2.0, nperseg=min(SEGMENT, len(signal) // 2), window="blackmanharris"
     )
-    smooth = np.exp(np.convolve(np.log(power + 1e-300), np.ones(9) / 9, mode="same"))
+    smooth = np.exp(np.convolve(np.log(power + 1e-300), np.ones(SMOOTHED) / SMOOTHED, mode="same"))
     for k in range(16, len(frequency) - 8):
-        above = min(int(k * 1.5), len(frequency) - 8)
-        if above > k + 8 and smooth[above:-6].max() < 1e-4 * smooth[k]:
+        above = min(int(k * OCTAVE_HALF), len(frequency) - 8)
+        if above > k + 8 and smooth[above:-6].max() < EMPTY * smooth[k]:
             return float(frequency[k])
     return None
 
@@ -181,13 +193,13 @@ def emptied(acceleration: np.ndarray, torque: np.ndarray, step: float) -> float 
     """
     from scipy.signal import welch
 
-    if len(torque) < 1024:
+    if len(torque) < SEGMENT:
         return None
     frequency, accelerations = welch(acceleration, 1 / step, nperseg=512)
     _, torques = welch(torque, 1 / step, nperseg=512)
     bands = [slice(1 + 16 * k, 17 + 16 * k) for k in range(12)]
     gain = np.array([np.sqrt(torques[b].sum() / max(accelerations[b].sum(), 1e-300)) for b in bands])
-    high = gain > 20 * np.median(gain[:3])
+    high = gain > RISES * np.median(gain[:3])
     return float(frequency[bands[int(np.argmax(high))].start]) if high[3:].any() else None
 
 
@@ -235,7 +247,7 @@ def _outside(recording: Recording) -> list[Doubt]:
     if not train or not held:
         return []
     fit, test = np.concatenate(train), np.concatenate(held)
-    margin = 0.02 * np.ptp(fit, axis=0)
+    margin = OUTSIDE * np.ptp(fit, axis=0)
     out = 100 * ((test < fit.min(axis=0) - margin) | (test > fit.max(axis=0) + margin)).mean(axis=0)
     beyond = [f"{label} {share:.2g} %" for label, share in zip(recording.joints, out, strict=True) if share]
     text = f"held-out rows leave the range of q of the training rows: {', '.join(beyond)}"

@@ -10,6 +10,9 @@ import numpy as np
 TURNS = {"deg": 360.0, "rad": 2 * np.pi}
 FEWEST = 64  # levels: of fewer, a step between all of them need not be the encoder's own
 SURE = 4.0  # standard deviations of the step: 6e-5
+ONE = 1.5  # smallest gaps: larger ones are nearer to two counts than to one
+LOOSE = 0.1  # of a step: digits of a file are far finer; levels that lie anywhere between two counts are no counts
+ROUNDING = 1e-9  # of a step
 CHANCE = 0.005  # counts to either side of a whole number: any other step is there in one of a hundred cases
 
 
@@ -37,15 +40,14 @@ def _step(angle: np.ndarray) -> tuple[float, float] | None:
     if len(levels) < FEWEST:
         return None
     gaps = np.diff(levels)
-    smallest = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    smallest = float(np.median(gaps[gaps < ONE * gaps.min()]))
     counts = np.r_[0.0, np.cumsum(np.rint(gaps / smallest))]
     (step, start), covariance = np.polyfit(counts, levels, 1, cov=True)
     rest = np.abs(levels - start - step * counts).max()
-    # Levels that lie anywhere between two counts are no counts. A tenth: digits of a file are far finer than its steps.
-    return None if rest > 0.1 * step else (float(step), float(np.sqrt(covariance[0, 0])))
+    return None if rest > LOOSE * step else (float(step), float(np.sqrt(covariance[0, 0])))
 
 
 def _decimal(step: float, error: float) -> bool:
     """Whether a step is 1, 2 or 5 of a decimal place."""
     place = 10.0 ** np.floor(np.log10(step))
-    return any(abs(step - k * place) <= max(error, 1e-9 * step) for k in (1, 2, 5, 10))
+    return any(abs(step - k * place) <= max(error, ROUNDING * step) for k in (1, 2, 5, 10))

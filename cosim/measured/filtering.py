@@ -13,6 +13,9 @@ from attrs import field, frozen
 
 from cosim.measured.recording import Recording, Run
 
+NYQUIST = 0.45  # of the sampling rate: a low-pass beyond has nothing left to do
+MOST_POWER = 0.95  # of the power of dq lies below its bandwidth
+
 
 class LowPass(ABC):
     """A linear low-pass filter along the first axis of an array with an even step [s]."""
@@ -99,7 +102,7 @@ class ZeroPhase(LowPass):
     def low(self, signal: np.ndarray, step: float) -> np.ndarray:
         from scipy.signal import sosfiltfilt
 
-        if self.cutoff * step >= 0.45:
+        if self.cutoff * step >= NYQUIST:
             return np.array(signal, float)
         sos = _butterworth(self.order, self.cutoff, round(step, 12))
         pad = min(len(signal) - 1, self.settle(step)[0])
@@ -243,13 +246,15 @@ def motion(recording: Recording, run: Run, low_pass: LowPass) -> FilteredMotion:
 
 
 def bandwidth(recording: Recording) -> float:
-    """Frequency [Hz] below which 95 % of the power of dq lies: the fastest joint, the middle one of the runs."""
+    """Frequency [Hz] below which MOST_POWER of dq lies: the fastest joint, the middle one of the runs."""
     found = []
     for run in recording.runs:
         dq = differentiated(run, ZeroPhase(0.1 / run.step)).dq
         power = np.abs(np.fft.rfft(dq * np.hanning(len(dq))[:, None], axis=0)) ** 2
         share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
-        found.append(np.fft.rfftfreq(len(dq), run.step)[(share < 0.95).sum(axis=0).clip(max=len(share) - 1)].max())
+        found.append(
+            np.fft.rfftfreq(len(dq), run.step)[(share < MOST_POWER).sum(axis=0).clip(max=len(share) - 1)].max()
+        )
     return float(np.median(found))
 
 

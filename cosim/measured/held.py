@@ -13,6 +13,8 @@ from cosim.measured.stretch import Stretch
 
 TOGETHER = 0.9
 CHANGES = 30
+SELDOM = 0.55  # of the rows: a half, every second row, and what chance adds to it
+MULTIPLES = 0.95  # of the gaps: a bus may be late now and then
 STEPS = 2.5  # smallest steps of a column: a column that moves by one step at a time is a slow encoder, not a held one
 
 
@@ -55,7 +57,7 @@ def _new(values: np.ndarray) -> np.ndarray:
 def _together(new: list[np.ndarray]) -> np.ndarray | None:
     """The rows in which signals change, where they change together and in fewer than half of the rows."""
     either, both = np.any(new, axis=0), np.all(new, axis=0)
-    if either.sum() < CHANGES or either.mean() >= 0.55 or both.sum() < TOGETHER * either.sum():
+    if either.sum() < CHANGES or either.mean() >= SELDOM or both.sum() < TOGETHER * either.sum():
         return None
     return either
 
@@ -68,4 +70,4 @@ def _held(values: np.ndarray, new: np.ndarray) -> bool:
         return False
     gaps = np.diff(places)
     period = int(np.median(gaps))
-    return period >= 2 and bool((gaps % period == 0).mean() >= 0.95)
+    return period >= 2 and bool((gaps % period == 0).mean() >= MULTIPLES)

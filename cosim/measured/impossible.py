@@ -9,6 +9,7 @@ thousand rows) is therefore not one of them. No threshold depends on the device 
 import numpy as np
 from attrs import evolve, frozen
 
+from cosim.measured.clock import MISSED
 from cosim.measured.notes import Notes
 from cosim.measured.stretch import Stretch
 
@@ -18,6 +19,8 @@ SHARE = 0.1  # of the rows that may be impossible; where more are, the signal is
 SHORT = 5  # rows; what is at most this long is interpolated over
 FEW = 5  # new zeros of an encoder in one recording: someone resets it by hand; more jumps belong to another signal
 LONE = 64  # values that stand out at all: of so many the largest is APART the next by chance in n^-2 = 2e-4
+ORDERED = 16  # sizes: of fewer the largest may be APART from the next by chance in one of 256 signals and more
+WHOLE_TURN = 0.2  # of a turn: the motion between two rows, which a jump of one turn holds too
 COUNTS = 8.0  # smallest steps of the column: what is below is the encoder's own rounding
 NINES = tuple(sign * (10.0**k - 1) for k in range(3, 10) for sign in (1, -1))
 ENDS = tuple(float(v) for b in (15, 16, 31, 32) for v in (2**b, 2**b - 1, -(2**b), 1 - 2**b))
@@ -37,7 +40,7 @@ def separated(sizes: np.ndarray, ratio: float, most: int) -> float:
 
     Infinite where none stand apart.
     """
-    if len(sizes) < 16:
+    if len(sizes) < ORDERED:
         return np.inf
     top = -np.sort(-sizes)[: most + 1]
     apart = np.flatnonzero((top[:-1] > ratio * top[1:]) & (top[1:] > 0))
@@ -63,7 +66,9 @@ def _position(stretch: Stretch, column: int, notes: Notes) -> Stretch:
     good = np.flatnonzero(np.isfinite(values))
     steps = np.diff(values[good])
     near = (
-        np.diff(stretch.time[good]) <= (SHORT + 1.5) * float(np.median(np.diff(stretch.time))) if len(good) > 1 else 0
+        np.diff(stretch.time[good]) <= (SHORT + MISSED) * float(np.median(np.diff(stretch.time)))
+        if len(good) > 1
+        else 0
     )
     sizes = np.abs(steps) * near
     largest = separated(sizes, APART, max(int(SHARE * len(sizes)), 1))
@@ -183,7 +188,7 @@ def _joined(stretch: Stretch, values: np.ndarray, jumps: list[_Jump], where: str
         return
     turn = stretch.angles and all(_turn(jump.size, np.inf) for jump in jumps)
     sizes = np.array([abs(jump.size) for jump in jumps])
-    span = 2 * np.pi if turn and abs(np.median(sizes) / (2 * np.pi) - 1) < 0.2 else _range(values, jumps)
+    span = 2 * np.pi if turn and abs(np.median(sizes) / (2 * np.pi) - 1) < WHOLE_TURN else _range(values, jumps)
     for jump in jumps:
         values[jump.after :] -= np.sign(jump.size) * span
     rows = stretch.numbers(np.array([jump.after for jump in jumps]))
@@ -220,7 +225,7 @@ def _signal(stretch: Stretch, column: int, notes: Notes) -> Stretch:
     """Sentinels and single wild values of a signal that may jump; torques that drop to exactly zero."""
     values = stretch.signals[:, column]
     good = np.isfinite(values)
-    if good.sum() < 16 or not stretch.torques:
+    if good.sum() < ORDERED or not stretch.torques:
         return stretch
     bad = _sentinels(values, good, stretch.factors[column] if stretch.factors else 1.0) | _lone(values)
     bad &= np.abs(values) > _rounding(stretch, column)

@@ -17,6 +17,7 @@ from cosim.measured import units
 HEAD = 1 << 16  # bytes that are looked at; more than any preamble seen
 SAMPLE = 200  # lines that must agree
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
+LOPSIDED = 8  # times as many zero bytes at one parity: text of two bytes a letter
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"),
          (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))  # fmt: skip
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
@@ -103,7 +104,7 @@ def _encoding(path: Path, data: bytes) -> str:
         return marked
     if len(data) > 3 and b"\0" in data:
         even, odd = data[0:512:2].count(0), data[1:512:2].count(0)
-        if min(even, odd) * 8 < max(even, odd):
+        if min(even, odd) * LOPSIDED < max(even, odd):
             return "utf-16-le" if odd > even else "utf-16-be"
     decoder = codecs.getincrementaldecoder("utf-8")()
     try:

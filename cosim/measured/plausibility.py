@@ -14,6 +14,10 @@ ROUGHER = 10.0  # times: a position is its torque integrated twice
 TURNS = 2.0  # that a link swings over at most: cables and hoses in a joint bear one to either side of the middle
 WARMER = 10.0  # K: viscous friction of greased joints changes by 1 to 3 % per K
 SUPPLY = 0.05  # of itself: by as much a torque commanded as duty cycle is off, more than intervals usually are wide
+FINE = 0.3  # of the usual second difference: steps of a counter below that do not make it rough
+SAME_KIND = 2.0  # times: motions of one recording differ by less than units do, by a factor of 57 or 1000
+ALIKE = 3.0  # times: those of runs in one unit
+ROUNDING = 1e-9  # of a range
 KELVINS = ("degC", "°C", "C", "K")
 RATIO = (180 / np.pi, "degrees in some runs and radians in others")
 PER_MILLE = (1e3, "thousandths in some runs and whole units in others")
@@ -105,8 +109,8 @@ def _rough(values: np.ndarray) -> float:
 def _coarse(values: np.ndarray) -> bool:
     """Whether the roughness is that of counts: steps of the column are as large as its second differences."""
     steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
-    return bool(len(steps)) and float(np.quantile(steps, 0.05)) > 0.3 * float(np.median(np.abs(np.diff(values, 2))))
+    steps = steps[steps > ROUNDING * max(float(np.ptp(values)), 1e-300)]
+    return bool(len(steps)) and float(np.quantile(steps, 0.05)) > FINE * float(np.median(np.abs(np.diff(values, 2))))
 
 
 def in_radians(recording: Recording, notes: Notes) -> Recording:
@@ -174,7 +178,9 @@ def runs_apart(recording: Recording) -> list[Doubt]:
             low, high = sizes[sizes > 0].min(initial=np.inf), sizes.max()
             middle = np.sqrt(low * high)
             groups = sizes[sizes < middle], sizes[sizes >= middle]
-            if 0.5 < high / low / ratio < 2 and all(len(g) and g.max() < 3 * max(g.min(), 1e-300) for g in groups):
+            if 1 / SAME_KIND < high / low / ratio < SAME_KIND and all(
+                len(g) and g.max() < ALIKE * max(g.min(), 1e-300) for g in groups
+            ):
                 told = f"column {name!r} is {high / low:.3g} times as large in some runs as in others: {text}?"
                 doubtful.append(Doubt.of("unit", told))
     return doubtful

@@ -145,7 +145,7 @@ def _without_gaps(stretch: Stretch, note: Notes) -> list[Stretch]:
     if not len(steps):
         return [stretch]
     typical = float(np.median(steps))
-    gaps = np.flatnonzero(steps > (BRIDGED + 1.5) * typical)
+    gaps = np.flatnonzero(steps > (BRIDGED + clock.MISSED) * typical)
     if not len(gaps):
         return [stretch]
     longest = float(steps[gaps].max())

@@ -17,6 +17,7 @@ SLOWEST, FASTEST = 0.15, 2e-6  # s: the steps of recordings of a robot; `repairs
 LIKELY = 2e-5  # s: drives are not sampled faster than this; what is faster is no advice for a unit
 EPOCH = (978307200, 2524608000)  # s: 2001 to 2050, where stamps of recordings since 1970 lie
 SCATTERED = 0.2  # of the rows that may be missing or far from the others: what is left is still a recording
+PAUSE = 1000  # steps: more from row to row is no gap of one recording
 EXACT = 2**53  # whole numbers up to this are floats without rounding
 
 Note = Callable[[str], None]
@@ -177,9 +178,9 @@ def check_step(time: np.ndarray, stamps: np.ndarray, where: str) -> None:
     if step and not FASTEST <= step <= SLOWEST:
         counts = typical_step(_elapsed(stamps, origin(stamps))) if stamps.dtype.kind in "fiu" else step
         raise InputError(_unit_problem(step, counts, where))
-    gaps = np.diff(np.sort(time[np.isfinite(time)])) > 1000 * step
+    gaps = np.diff(np.sort(time[np.isfinite(time)])) > PAUSE * step
     if len(gaps) and gaps.mean() > SCATTERED:
-        got = f"{int(gaps.sum())} of {len(time)} rows more than 1000 steps from the next (a step is {step:.4g} s)"
+        got = f"{int(gaps.sum())} of {len(time)} rows more than {PAUSE} steps from the next (a step is {step:.4g} s)"
         advice = "is it the time column, in one unit throughout?"
         raise InputError(Problem(where, "stamps of one recording", got, advice))
 

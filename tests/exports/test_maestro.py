@@ -20,6 +20,8 @@ PROJECT = f"""<project xmlns="http://maven.apache.org/POM/4.0.0"><modelVersion>4
 <dependency><groupId>org.into-cps.maestro</groupId><artifactId>maestro</artifactId><version>{MAESTRO}</version>
 </dependency></dependencies></project>"""
 ARMS = ("arm_l", "arm_r")
+STOP = 2.0  # s
+SAME = 1e-12  # rad; sums of another order differ by 1e-15
 
 
 @pytest.fixture
@@ -79,7 +81,7 @@ def test_the_system_is_the_same_in_maestro(maestro, tmp_path):
     """Both step every FMU with the values of the last communication point: only the order of sums may differ."""
     scenario = cosim.load("sallam-stable").with_values(
         {
-            "experiment.stop": 1.0,
+            "experiment.stop": STOP,
             "experiment.record_every": 1,
             "experiment.algorithm": "jacobi",
             "experiment.extrapolation": "hold",
@@ -87,12 +89,12 @@ def test_the_system_is_the_same_in_maestro(maestro, tmp_path):
     )
     cosim.export(scenario, tmp_path / "e", enumerations=False)
     zipfile.ZipFile(tmp_path / "e/sallam-stable.ssp").extractall(tmp_path / "system")
-    with maestro(multi_model(tmp_path / "system", 1.0)).open() as file:
+    with maestro(multi_model(tmp_path / "system", STOP)).open() as file:
         rows = list(csv.DictReader(file))
     result = cosim.run(scenario)
     for name in ARMS:
         theirs = np.array([[float(row[f"{{{name}}}.{name}.q[{i}]"]) for i in (1, 2, 3)] for row in rows])
         ours = result[f"{name}.q"]
-        assert np.ptp(ours, axis=0).min() > 1e-3
-        assert len(theirs) >= 1000  # the last step may be missing: Maestro adds its times up
-        np.testing.assert_allclose(theirs[: len(ours)], ours[: len(theirs)], rtol=0.0, atol=1e-12)
+        assert np.ptp(ours, axis=0).min() > 1e8 * SAME
+        assert len(theirs) >= 1000 * STOP  # the last step may be missing: Maestro adds its times up
+        np.testing.assert_allclose(theirs[: len(ours)], ours[: len(theirs)], rtol=0.0, atol=SAME)

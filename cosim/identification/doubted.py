@@ -13,6 +13,7 @@ from attrs import evolve, field, frozen
 
 from cosim.identification.fit import Fit
 from cosim.identification.linear_model import FRICTION
+from cosim.identification.smeared import smeared
 from cosim.measured.label import Label
 from cosim.measured.notes import Disposition, Doubt, Rescaled
 from cosim.measured.plausibility import KELVINS
@@ -40,9 +41,10 @@ def doubted(fit: Fit) -> Doubted:
     """What is left of the doubts about a fit's recording."""
     lag, late = _late(fit)
     bend, bent = _bent(fit)
+    turn, turned = smeared(fit)
     clipped = any(run.clipped is not None for run in fit.recording.runs)
     uneven = any(doubt.kind == "uneven stamps" for doubt in fit.recording.doubts)
-    parts = [lag, bend, _warmer(fit), _paced(fit), _noise(fit) if clipped or uneven else np.zeros(len(lag))]
+    parts = [lag, bend, turn, _warmer(fit), _paced(fit), _noise(fit) if clipped or uneven else np.zeros(len(lag))]
     half = _repeats(fit) * fit.spread.half_width + np.sum(parts, axis=0)
     kinds: dict[Label, tuple[str, ...]] = {}
     for doubt in fit.recording.doubts:
@@ -51,7 +53,7 @@ def doubted(fit: Fit) -> Doubted:
     if clipped and not fit.method.reversals.heed_clipping:
         kinds |= {label: (*kinds.get(label, ()), "clipped") for label in fit.stack.labels}
     unique = {label: tuple(dict.fromkeys(names)) for label, names in kinds.items()}
-    return Doubted(half, unique, late + bent)
+    return Doubted(half, unique, late + bent + turned)
 
 
 def _late(fit: Fit) -> tuple[np.ndarray, tuple[Doubt, ...]]:

@@ -35,19 +35,19 @@ def spread(stack: Stack, estimate: ParameterEstimate) -> Spread:
     residual = tau - y @ estimate.params
     memory = np.array([_memory(stack, residual, joint, stamp, j) for j in range(stack.tau.shape[1])])
     length = max(int(np.ceil(LONGER * memory.max())), 4)
-    number = _blocks(stack, stamp, length)
+    number = blocks(stack, stamp, length)
     scale = np.sqrt((estimate.weights[:, None] * y**2).sum(axis=0))
     scale[scale == 0] = 1.0
     scaled = y / scale
     normal = (scaled * estimate.weights[:, None]).T @ scaled
-    shifts, blocks = _jackknife(scaled, residual, estimate.weights, number, normal)
-    std = np.sqrt((blocks - 1) / blocks * (shifts**2).sum(axis=0)) / scale
+    shifts, count = _jackknife(scaled, residual, estimate.weights, number, normal)
+    std = np.sqrt((count - 1) / count * (shifts**2).sum(axis=0)) / scale
     white = (
         np.sqrt(np.diag(np.linalg.pinv(normal, rcond=1e-14)) * _variance(residual, estimate.weights, y.shape[1]))
         / scale
     )
     effective = np.array([(joint == j).sum() for j in range(len(memory))]) / memory
-    return Spread(std, white, student(blocks - 1) * std, length * stack.step, blocks, effective)
+    return Spread(std, white, student(count - 1) * std, length * stack.step, count, effective)
 
 
 def student(freedom: float) -> float:
@@ -87,7 +87,7 @@ def memory(series: np.ndarray, present: np.ndarray) -> float:
     return max(1.0 + 2.0 * float(rho[1:last].sum()), 1.0)
 
 
-def _blocks(stack: Stack, stamp: np.ndarray, length: int) -> np.ndarray:
+def blocks(stack: Stack, stamp: np.ndarray, length: int) -> np.ndarray:
     """Number of the contiguous block of each equation; blocks do not cross runs and there are at least about BLOCKS."""
     used = np.unique(stamp)
     length = max(min(length, len(used) // BLOCKS), 1)

@@ -31,9 +31,8 @@ DISPOSITIONS: Mapping[str, Disposition] = MappingProxyType(
         **dict.fromkeys(("uneven stamps", "degrees", "exchanged"), Disposition.REPAIRED),
         **dict.fromkeys(("no time", "hole", "repeated stamp", "repeated block", "new zero"), Disposition.LEFT_OUT),
         "clipped": Disposition.LEFT_OUT,
-        **dict.fromkeys(
-            ("filtered", "lag", "bent", "repeats", "temperature", "pace of the clock"), Disposition.IN_INTERVAL
-        ),
+        **dict.fromkeys(("filtered", "lag", "bent", "smeared", "repeats"), Disposition.IN_INTERVAL),
+        **dict.fromkeys(("temperature", "pace of the clock"), Disposition.IN_INTERVAL),
         **dict.fromkeys(("unit", "swapped", "velocity", "supply"), Disposition.WITHHELD),
         **dict.fromkeys(
             ("interleaved", "outside", "constant", "unused velocity"), Disposition.UNTOUCHED

@@ -39,7 +39,7 @@ EXPECTED = {
     "repeated block": ("repeated block",),
     "degrees": ("unit", "degrees"),
     "swapped": ("swapped", "exchanged"),
-    "filter": ("filtered", "lag"),
+    "filter": ("filtered", "lag", "smeared"),
 }
 HARMLESS = {"outside"}
 """Kinds that say something of the split into fitted and held-out rows, not of the recording."""

@@ -4,6 +4,7 @@ has equations of its own (tests/support/axis_rig.py)."""
 import numpy as np
 import pytest
 from attrs import evolve
+from scipy.signal import butter, sosfiltfilt
 
 import cosim
 from cosim.measured import read
@@ -213,6 +214,18 @@ def test_a_single_wild_stamp_touches_no_other(clean, tmp_path):
     # 9 digits of a file: a stamp of 20 s is known to 1e-7 s, the step, from end to end, to 1e-11
     assert [len(run) for run in data.runs] == [len(t)] and data.runs[0].step == pytest.approx(0.002, abs=1e-10)
     assert found["inertia"]["interval"][0] <= TRUTH["inertia"] <= found["inertia"]["interval"][1]
+
+
+@pytest.mark.parametrize("seed", [6, 17])
+def test_intervals_hold_what_a_jump_that_takes_longer_changes(tmp_path, seed):
+    """A filter of 10 Hz without a lag: rows beside reversals lie on the jump of the friction, which no lag explains."""
+    log = recorded(seed)
+    sos = butter(2, 10.0, fs=500.0, output="sos")
+    _, found = identified(evolve(log, tau=sosfiltfilt(sos, log.tau)), tmp_path)
+    for name in ("viscous", "coulomb"):
+        distance = abs(found[name]["value"] - TRUTH[name])
+        half = (found[name]["interval"][1] - found[name]["interval"][0]) / 2
+        assert 1.96 * found[name]["std"] < 2 * distance < 2 * half, name  # from the rows that are left of it alone
 
 
 OTHERWISE = ("dropout", "overflow", "sentinel", "clipped", "held samples", "arrival", "clock", "repeated block")

@@ -34,6 +34,8 @@ SLOW_LIFTS: tuple[dict[int, int], ...] = ({4: 1}, {2: 1})
 """The same where the slope of the delay is bounded: the earlier moment says most where the law has hardly changed."""
 BELOW = (0.022, 0.03, 0.038, 0.043, 0.048, 0.055, 0.065, 0.1, 0.15, 0.22, 0.32, 0.45, 0.65)
 """Parts by which a certificate is asked below the destroying law, one after another until one is proven."""
+FAR_BELOW = (0.05, 0.15, 0.32, 0.65)
+"""The same below the bound of the search where no law destroys: there is no gap to make small."""
 Say = Callable[[str], None]
 
 
@@ -89,7 +91,9 @@ def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say, slope: f
     first = min(found.values(), key=lambda d: d.max_delay, default=None)
     most = high if first is None else int(first.law.ages.max())
     try:
-        held = _certificates(parts, most, 0 if first is None else first.part, say, slope)
+        below = FAR_BELOW if first is None else BELOW
+        bounds = list(dict.fromkeys(int(most * (1.0 - part)) for part in below))
+        held = _certificates(parts, bounds, 0 if first is None else first.part, say, slope)
     except InputError as error:  # a package of the extra is missing
         return TwoSided((), "; ".join(str(problem) for problem in error.problems), found, slope)
     why = "" if held else "no certificate of this kind was found; nothing follows from that"
@@ -178,15 +182,17 @@ def widened(destroyer: Destroyer, loop: SampledLoop, more: int, slope: float | N
     return evolve(destroyer, law=under(loop, fitted(ages, longer, most)))
 
 
-def _certificates(parts: Sequence[LoopPart], most: int, first: int, say: Say, slope: float | None) -> list[Certificate]:
-    """Proven certificates of all parts for one bound below `most` [steps]; empty where one has none.
+def _certificates(
+    parts: Sequence[LoopPart], bounds: Sequence[int], first: int, say: Say, slope: float | None
+) -> list[Certificate]:
+    """Proven certificates of all parts for the first of the bounds [steps] that has them; empty where none has.
 
     first: the part that is destroyed first, which mostly limits the certificate.
     """
     order = sorted(range(len(parts)), key=lambda k: k != first)
     alike = len({part.owner for part in parts}) == 1
     groups = [[parts[k] for k in order]] if alike else [[parts[k]] for k in order]
-    for bound in dict.fromkeys(int(most * (1.0 - part)) for part in BELOW):
+    for bound in bounds:
         say(f"proving that no law up to {bound * parts[0].loop.step:.4g} s destroys")
         found: list[Certificate] = []
         for group in groups:

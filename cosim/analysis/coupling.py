@@ -6,19 +6,18 @@ the FMUs of the loop. A controller's gains are the derivatives of its outputs; t
 is tried with inputs at random.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from attrs import evolve, field, frozen
 
 from cosim.analysis.damping import LeastViscosity
-from cosim.analysis.examination import Examined, examine
+from cosim.analysis.examination import Examined
 from cosim.analysis.linear_fmu import LinearFmu, is_channel, linear_fmu
 from cosim.analysis.lone_fmu import LoneFmu
 from cosim.analysis.memory import looped
 from cosim.analysis.passivity import dissipates, responses
 from cosim.analysis.traits import ArmTraits, arm_traits, start_vector
-from cosim.engine.master import System
 from cosim.errors import RunError
 from cosim.signals import Signal, index_of, stem
 from cosim.wiring import Wiring
@@ -112,8 +111,11 @@ def _inverse_scales(product: np.ndarray) -> Assumption:
     return Assumption(what, bool(np.all(np.abs(product - 1.0) <= _ALIKE)), f"product of the scales {_numbers(product)}")
 
 
-def known_coupling(wiring: Wiring, system: System) -> Coupled:
-    """As `coupled`, remembered for loops that differ in their channels' parameters only (points of a sweep)."""
+def known_coupling(wiring: Wiring, look: Callable[[], Examined]) -> Coupled:
+    """As `coupled`, remembered for loops that differ in their channels' parameters only (points of a sweep).
+
+    look: examines the wiring's FMUs; called where nothing is remembered.
+    """
     scenario = wiring.scenario
     parts = tuple(
         (name, d.sha256, scenario.components[name].step_multiple, tuple(sorted(wiring.starts[name].items())))
@@ -124,7 +126,7 @@ def known_coupling(wiring: Wiring, system: System) -> Coupled:
     if key not in _KNOWN:
         if len(_KNOWN) > 512:
             _KNOWN.clear()
-        _KNOWN[key] = coupled(examine(wiring, system))
+        _KNOWN[key] = coupled(look())
     return _KNOWN[key]
 
 

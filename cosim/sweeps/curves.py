@@ -1,6 +1,7 @@
 """Theory curves over a traced map: largest delay or gain by each condition, from the scenario's own linearisation."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from cosim.analysis.assessment import coupling
 from cosim.analysis.coupling import known_coupling
 from cosim.analysis.criteria import delay_sum, sallam_eq10
 from cosim.analysis.delay_verdict import linear_verdict
+from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import channel_bounds
 from cosim.analysis.linearisation import linearise
 from cosim.analysis.spectrum import abscissa
@@ -73,7 +75,10 @@ def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, Entry]) -
     one = setup(task, place)
     wiring = one.wiring
     if name in ("delay_sum", "sallam_eq10"):
-        found, delays = known_coupling(wiring, one.system), [b[2] for b in channel_bounds(wiring).values()]
+        found, delays = (
+            known_coupling(wiring, partial(examine, wiring, one.system)),
+            [b[2] for b in channel_bounds(wiring).values()],
+        )
         pair = found.pair
         if pair is None or len(delays) != 2 or (name == "delay_sum" and found.broken):
             return np.nan

@@ -9,7 +9,7 @@ exact spectrum of the loop, linearised at its start pose. Loaded FMUs are kept f
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -20,8 +20,9 @@ from cosim.analysis.assessment import coupling
 from cosim.analysis.coupling import known_coupling
 from cosim.analysis.criteria import delay_sum
 from cosim.analysis.evidence import UNSTABLE, StabilityEvidence, strongest
+from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import channel_bounds
-from cosim.analysis.linearisation import linearise
+from cosim.analysis.linearisation import linear_loop, linearise
 from cosim.analysis.robust import delay_law_bound, quick_limit
 from cosim.analysis.spectrum import abscissa
 from cosim.analysis.twin import twin_of, twin_wiring
@@ -305,10 +306,11 @@ def _evidence(one: PointSetup, outcome: Outcome | None, rate: float | None = Non
     if len(channels) != 2 or wiring.scenario.arms is None:
         return strongest(outcome)
     longest, constant = [bounds[2] for bounds in channels.values()], all(bounds[3] for bounds in channels.values())
-    found = known_coupling(wiring, one.system)
+    look = cache(partial(examine, wiring, one.system))
+    found = known_coupling(wiring, look)
     if found.pair and not found.broken and delay_sum(coupling(found.pair), *longest).holds:
         return StabilityEvidence.ANY_MASS
-    loop = linearise(one.scenario, one.system)
+    loop = linear_loop(look())
     if loop.unseen:
         return strongest(outcome)
     family = loop.family()

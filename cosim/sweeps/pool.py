@@ -8,6 +8,7 @@ evaluator raises, the points it had are handed out again, each alone; a point th
 that is `failed`, with the message of the last failure.
 """
 
+import gc
 import json
 import multiprocessing
 import signal
@@ -148,7 +149,9 @@ class LocalPool(Workers):
     def __init__(self, count: int) -> None:
         first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.count: int = max(1, count)
+        gc.freeze()  # workers do not search what this process has loaded for cycles
         self.workers: list[_Worker] = [_Worker(first) for _ in range(self.count)]
+        gc.unfreeze()
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         share = -(-len(points) // self.count)

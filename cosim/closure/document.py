@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.closure.closure import Closure
 from cosim.closure.score.naming import Leftover
-from cosim.closure.verdict import Answer, NamedEffect
+from cosim.closure.verdict import LISTED, Answer, NamedEffect
 from cosim.measured import Label
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
         signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
         table = closure.table if joint == 0 else None
         carried = table if table is not None and table.taken else None
-        tests = [f"{e.name}: the arm's equations of motion (its URDF)" for e in found[0].laws]
+        tests = [f"{e.name}: the arm's equations of motion (its URDF)" for e in found[0].laws[:LISTED]]
         out.append(
             {
                 "name": "unknown",
@@ -101,13 +101,14 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
                 "parameters": {str(label): value for label, value in carried.parameters.items()} if carried else {},
                 "interval": {str(label): list(pair) for label, pair in carried.interval.items()} if carried else {},
                 "signals": signals,
-                "indistinguishable_from": [e.name for e in found[0].laws],
+                "indistinguishable_from": [e.name for e in found[0].laws[:LISTED]],
                 "or_signals": [list(f.signals) for f in found[0].others],
                 "separated_by": "; ".join((*tests, found[0].family.separated_by)),
                 "evidence": {
                     "sure": found[0].sure,
                     "nats": found[0].nats,
                     "share_of_torque": found[0].share,
+                    "also_close": [e.name for e in found[0].laws[LISTED:]],
                     "stretches_left_out": None if table is None else _stretches(table),
                     "depends_on": [{"signals": list(x.signals), "form": x.family.title, "nats": x.nats} for x in found],
                 },
@@ -275,7 +276,7 @@ def _carried(closure: Closure) -> str:
 
 def _left(leftover: Leftover) -> str:
     signals = " and ".join(leftover.signals)
-    others = [*(f.title for f in leftover.others), *(e.name for e in leftover.laws)]
+    others = [*(f.title for f in leftover.others), *(e.name for e in leftover.laws[:LISTED])]
     alike = f", not told from {' or '.join(others)}" if others else ""
     if leftover.sure:
         words = leftover.family.words

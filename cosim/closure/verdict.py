@@ -20,6 +20,7 @@ from cosim.effects.constants import SAME
 from cosim.effects.motion import Joints
 from cosim.measured import Label
 
+LISTED = 2  # alternatives named beside an effect; more stand in its evidence
 KINDS = {"rad": "q", "m": "q", "rad/s": "dq", "m/s": "dq", "N.m": "tau", "N": "tau"}  # further signals, by unit
 SKEW = 0.3
 """Samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs. A wall of stiffness k [N/m] shows d [s] of it as a
@@ -94,8 +95,10 @@ class NamedEffect:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """All of them; `unknown` is the last where something without a name may stand behind this one."""
-        return (*self.alike, *(("unknown",) if self.doubts else ()))
+        """The first `LISTED` of them; `unknown` is the last where something without a name may stand behind this
+        one.
+        """
+        return (*self.alike[: LISTED - 1], "unknown") if self.doubts else self.alike[:LISTED]
 
     @property
     def separated_by(self) -> str:
@@ -162,13 +165,16 @@ def judge(
 
 
 def _unseen(model: Model, left: Leftover, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Effects that the device cannot test and whose torque depends on nothing else than what is left may depend on."""
+    """Effects that the device cannot test and whose torque depends on nothing else than what is left may depend on,
+    those that depend on fewest signals first.
+    """
     units = model.scene.units
     every = [
         {KINDS.get(units[s], s) if s in units else s.rstrip("0123456789") for s in family.signals}
         for family in (left.family, *left.others)
     ]
-    return tuple(e for e in effects if any(kinds <= set(e.unseen(model.scene)) for kinds in every))
+    found = [e for e in effects if any(kinds <= set(e.unseen(model.scene)) for kinds in every)]
+    return tuple(sorted(found, key=lambda e: len(e.unseen(model.scene))))
 
 
 def _closest(model: Model, joints: dict[int, str]) -> tuple[Leftover, ...]:

@@ -67,13 +67,15 @@ class Untestable:
 class Screen:
     """Weighted residuals of a model with their replicates, on the m fitted rows. robust: coefficients are those of
     blocks weighted by their own noise level; an effect in a third of the blocks shows only without, one beside a
-    spike only with it. Both are scored alike. columns: formed once for both.
+    spike only with it. Both are scored alike. columns: formed once for both. beside: residuals (J, m) that the
+    replicates are made of, by default those of the model.
     """
 
     model: Model
     robust: bool
     columns: dict[Hashable, Any] = field(factory=dict, repr=False)
     seed: int = 0
+    beside: np.ndarray | None = field(default=None, repr=False)
 
     @cached_property
     def fitted(self) -> np.ndarray:
@@ -139,7 +141,8 @@ class Screen:
             if len(rows):
                 piece = np.arange(len(rows)) // max(SHORTEST, len(rows) // PIECES)
                 signs = np.where(random.random((piece[-1] + 1, REPLICATES)) < 0.5, 1.0, -1.0)
-                out[j, rows] = self.left[j, rows, None] * signs[piece]
+                left = self.left if self.beside is None else self.beside
+                out[j, rows] = left[j, rows, None] * signs[piece]
         return out
 
     @cached_property
@@ -234,6 +237,17 @@ class Screen:
         return Screened(
             choice, np.r_[gain, np.maximum(null, 0)], best[1].share, self, self.of_noise(choice, float(gain[0]))
         )
+
+    def without(self, x: Screened) -> "Screen":
+        """The screen whose replicates are made of what a law leaves, in the place of what the model leaves: where an
+        effect is there, its pieces are no noise.
+        """
+        columns = dict(self._grid(x.choice.effect, x.choice.joints, [x.choice.theta]))[x.choice.theta]
+        found, left = self.added(columns, x.choice.effect), self.e[..., 0].copy()
+        assert found is not None, "it was screened"
+        for j in range(len(left)):
+            left[j] -= found.own(np.array([0]), j)[:, 0]
+        return evolve(self, beside=left)
 
     def _late(self, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:
         """A lag or delay of the prediction: the whole design of its joints passes through it."""
@@ -376,11 +390,16 @@ class Added:
 
     def nats(self, which: np.ndarray) -> np.ndarray:
         """Gain (R',) in log density of data (0) or replicates."""
-        s, beta, out = self.screen, self.beta[:, which], np.zeros(len(which))
+        s, out = self.screen, np.zeros(len(which))
         for j in self.scaled if len(self.scaled) == 1 else range(len(s.x)):
-            own = -s.x[j] @ (self.within @ beta) + (self.scaled[j] @ beta if j in self.scaled else 0.0)
-            out = out + s.loss[j, which] - s.losses(s.e[j][:, which] - own, j)
+            out = out + s.loss[j, which] - s.losses(s.e[j][:, which] - self.own(which, j), j)
         return out
+
+    def own(self, which: np.ndarray, joint: int) -> np.ndarray:
+        """What they explain of a joint (m, R') on data (0) or replicates, scaled, the model fitted again."""
+        beta = self.beta[:, which]
+        moved = -self.screen.x[joint] @ (self.within @ beta)
+        return moved + self.scaled[joint] @ beta if joint in self.scaled else moved
 
     @property
     def share(self) -> float:
@@ -454,7 +473,23 @@ def _against_bar(found: list[Screened]) -> list[Screened]:
     largest = z[:, 1:].max(axis=0)
     scale = largest.std() * np.sqrt(6) / np.pi
     bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log(1 - ALPHA))
-    return [
-        evolve(x, z=float(v), clear=bool(v > bar and x.share > SIZE and not x.noise))
-        for x, v in zip(found, z[:, 0], strict=True)
-    ]
+    known = [evolve(x, z=float(v), clear=bool(v > bar) and _counts(x)) for x, v in zip(found, z[:, 0], strict=True)]
+    return [_looked_at_again(x, float(bar), float(np.median(mean)), float(np.median(std))) for x in known]
+
+
+def _counts(x: Screened) -> bool:
+    """Whether a gain has a size of interest and is no noise's."""
+    return x.share > SIZE and not x.noise
+
+
+def _looked_at_again(x: Screened, bar: float, mean: float, std: float) -> Screened:
+    """A law that does not pass the bar, beside replicates of what it leaves itself."""
+    effect = x.choice.effect
+    if x.clear or x.z < 1 or not _counts(x) or effect.nameless or isinstance(effect, Late | Erasing):
+        return x
+    again = x.screen.without(x).of(effect, x.choice.joints)
+    if not isinstance(again, Screened):
+        return x
+    roots = np.cbrt(np.maximum(again.gain, 0))
+    z = (roots[0] - max(roots[1:].mean(), 0.5 * mean)) / max(roots[1:].std(), 0.5 * std, 1e-300)
+    return evolve(x, z=float(z), clear=bool(z > bar)) if z > x.z else x

@@ -18,6 +18,8 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
     flags: further compiler flags, part of the cache key. Raises BuildError.
     """
     compiler, folder, chosen = find_compiler(), cache_folder(), PLATFORMS[this_platform()]
+    if not compiler.cross:  # zig alone writes levels of x86-64 with underscores
+        flags = [flag.replace("-march=x86_64_v", "-march=x86-64-v") for flag in flags]
     root = source_root()
     sources = sorted(p for sub in root.iterdir() if sub.is_dir() for p in sub.glob("*.[ch]"))
     parts = [x for path in sources for x in (str(path.relative_to(root)), path.read_bytes())]

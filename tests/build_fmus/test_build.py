@@ -1,5 +1,6 @@
 """The builder: tables, bytes, cache, compilers, validation, command."""
 
+import ctypes
 import errno
 import os
 import subprocess
@@ -19,6 +20,7 @@ from build_fmus import BuildError, cache, compiler, fmu_path, models, recording_
 from build_fmus.cli import app, platforms_apart
 from build_fmus.description import describe
 from build_fmus.header import batch_header, functions, header
+from build_fmus.library import library_path, vectors
 from build_fmus.sources import model_table
 from build_fmus.table import ModelVariable, check, load_table, override
 from build_fmus.units import exponents, per_second
@@ -351,6 +353,14 @@ def test_a_compiler_of_ones_own(fresh_cache, monkeypatch):
     assert default.everything() == own.everything()
     with pytest.raises(BuildError, match="for this machine only"):
         fmu_path(SMALL, 3, ["x86_64-windows" if compiler.this_platform() != "x86_64-windows" else "x86_64-linux"])
+
+
+@pytest.mark.needs("gcc")
+def test_a_compiler_of_ones_own_takes_the_vectors_of_this_machine(fresh_cache, monkeypatch):
+    """It writes the levels of x86-64 otherwise than zig."""
+    monkeypatch.setenv("CC", "gcc")
+    lanes, flags = vectors()
+    assert ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *flags)))).lanes() == lanes
 
 
 def test_a_model_that_does_not_compile_shows_why(fresh_cache):

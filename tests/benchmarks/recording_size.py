@@ -3,8 +3,8 @@
     python -m tests.benchmarks.recording_size [COMMAND ...] [--rows N ...] [--kind SUFFIX ...]
 
 COMMAND: `read`, `data`, `identify`, `close-loop` (default: `read` and `identify`); rows: 50,000, 200,000, 800,000 and
-1,500,000; kind of file: csv and parquet (also npz, mat). Each run is a process of its own; its processor time and its
-largest memory are those that the operating system counted.
+1,500,000; kind of file: csv and parquet (also npz, mat, h5). Each run is a process of its own; its processor time and
+its largest memory are those that the operating system counted.
 """
 
 import argparse
@@ -44,6 +44,12 @@ def written(table: dict[str, np.ndarray], path: Path) -> Path:
     """The table in a file of the kind that the suffix names."""
     if path.suffix == ".npz":
         np.savez(path, **table)
+    elif path.suffix == ".h5":
+        import h5py
+
+        with h5py.File(path, "w") as file:
+            for name, values in table.items():
+                file[name] = values
     elif path.suffix == ".mat":
         from scipy.io import savemat
 

@@ -3,6 +3,8 @@ expects. Kills and processes that stay have tests of their own: test_kills, test
 """
 
 import csv
+import json
+import os
 import shutil
 import subprocess
 import sys
@@ -149,3 +151,21 @@ def test_odd_descriptions_are_bad_input(cases, tmp_path, name, words):
     (tmp_path / "s.toml").write_text('[experiment]\nstop = 0.1\n[components.a]\nfmu = "a.fmu"\n')
     for done in (command(tmp_path, "run", "s.toml", "--out", "o"), command(tmp_path, "fmu", "a.fmu")):
         assert done.returncode == 2 and words in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_memory_of_close_loop_grows_with_the_rows_where_many_effects_are_accepted(cases, tmp_path):
+    """14 GB and rising before: the search kept the columns of all that it had accepted."""
+    assert command(tmp_path, "run", "identification", "--no-report", "--out", "r").returncode == 0
+    made, gigabytes = cases / "reliability/06-close-loop-memory/mkcsv.py", []
+    for rows in (50_000, 200_000):
+        subprocess.run([sys.executable, made, "d.csv", str(rows), "r/result.h5"], cwd=tmp_path, check=True)
+        words = [sys.executable, "-m", "cosim", "close-loop", "d.csv", "--no-replay", "--out", f"c{rows}"]
+        process = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        assert process.returncode == 0
+        gigabytes.append(used.ru_maxrss * 1024 / 1e9)
+    assert len(json.loads((tmp_path / "c200000/closure.json").read_text())["effects"]) > 1
+    assert gigabytes[1] < 4.0 and gigabytes[1] < 4 * gigabytes[0]

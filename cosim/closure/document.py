@@ -215,7 +215,7 @@ def _candidates(closure: Closure) -> list[dict[str, Any]]:
             "round": number,
             "name": x.choice.effect.name,
             "joints": [j + 1 for j in x.choice.joints],
-            "nats": float(x.gain[0]),
+            "nats": x.nats,
             "z": x.z,
             "clear": x.clear,
             "share_of_torque": x.share,

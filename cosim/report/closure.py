@@ -280,7 +280,7 @@ def _candidates(closure: Closure) -> Section | None:
         for x in step.found[:14]:
             state = "taken" if x.choice.key == taken else "clear of chance" if x.clear else "within chance"
             joints = [j + 1 for j in x.choice.joints]
-            rows.append((x.choice.effect.name, joints, x.gain[0], x.z, 100 * x.share, state))
+            rows.append((x.choice.effect.name, joints, x.nats, x.z, 100 * x.share, state))
         header = ("effect", "joints", "gain [nats]", "z", "share of torque [%]", "decision")
         tables.append(Table(header, rows, f"Round {number}: candidates beside what was accepted before", digits=3))
     untestable = [

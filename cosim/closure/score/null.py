@@ -53,6 +53,22 @@ class Screened:
     z: float = 0.0
     clear: bool = False
 
+    @property
+    def kept(self) -> "Tried":
+        """The same without its screen, which holds the replicates of all rows."""
+        return Tried(self.choice, float(self.gain[0]), self.share, self.z, self.clear)
+
+
+@frozen
+class Tried:
+    """What is kept of a hypothesis that was screened, without the screen: nats on the data, and the rest as there."""
+
+    choice: ChosenEffect
+    nats: float
+    share: float
+    z: float
+    clear: bool
+
 
 @frozen(eq=False)
 class Untestable:

@@ -9,7 +9,7 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import Model, settled, with_choices
 from cosim.closure.score.compare import gained, preferred
-from cosim.closure.score.null import Screened, Untestable, screened_laws
+from cosim.closure.score.null import Screened, Tried, Untestable, screened_laws
 from cosim.effects import Effect
 from cosim.effects.actuator import Erasing, Late
 from cosim.effects.constants import SAME
@@ -30,7 +30,7 @@ REACH, STEPS = (
 class SearchStep:
     """One round: every law that was screened, most nats first, and the model with the one that was taken."""
 
-    found: tuple[Screened, ...]
+    found: tuple[Tried, ...]
     taken: Model | None
 
 
@@ -58,7 +58,7 @@ def search(
         found, unknown = screened_laws(model, effects)
         untestable = untestable or tuple(unknown)
         best = _best(model, found)
-        steps.append(SearchStep(tuple(found), best))
+        steps.append(SearchStep(tuple(x.kept for x in found), best))
         if best is None:
             break
         model = resettled(best)

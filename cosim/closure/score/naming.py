@@ -20,7 +20,7 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.families import Family
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.compare import gained, preferred
-from cosim.closure.score.null import Screened, screened_families, screened_laws
+from cosim.closure.score.null import Screened, ranked_laws, screened_families
 from cosim.closure.score.search import EffectSearch, refined, resettled
 from cosim.effects import Effect
 from cosim.effects.constants import MARGIN, SAME
@@ -258,7 +258,7 @@ def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival,
     """Laws in the place of choice `number` that may do as well, most nats first."""
     choice = model.choices[number]
     rest = _less(model, choice)
-    found, _ = screened_laws(rest, effects, near=model.acting(number))
+    found = ranked_laws(rest, effects, model.acting(number))
     others = [x for x in found if x.choice.effect.name != choice.effect.name]
     out = []
     for x in others[:TRIED]:

@@ -91,6 +91,7 @@ class Screen:
     robust: bool
     columns: dict[Hashable, Any] = field(factory=dict, repr=False)
     seed: int = 0
+    replicates: int = REPLICATES
     beside: np.ndarray | None = field(default=None, repr=False)
 
     @cached_property
@@ -151,12 +152,12 @@ class Screen:
     @cached_property
     def flipped(self) -> np.ndarray:
         """Residuals (J, m, R) of the replicates, before they are fitted again."""
-        random, out = np.random.default_rng(self.seed), np.zeros((*self.left.shape, REPLICATES))
+        random, out = np.random.default_rng(self.seed), np.zeros((*self.left.shape, self.replicates))
         for j, used in enumerate(self.used):
             rows = np.flatnonzero(used)
             if len(rows):
                 piece = np.arange(len(rows)) // max(SHORTEST, len(rows) // PIECES)
-                signs = np.where(random.random((piece[-1] + 1, REPLICATES)) < 0.5, 1.0, -1.0)
+                signs = np.where(random.random((piece[-1] + 1, self.replicates)) < 0.5, 1.0, -1.0)
                 left = self.left if self.beside is None else self.beside
                 out[j, rows] = left[j, rows, None] * signs[piece]
         return out
@@ -229,8 +230,8 @@ class Screen:
 
     def _law(self, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:
         """Of every replicate the value of most gain, of the data that of the physical ones."""
-        best, null = None, np.zeros(REPLICATES)
-        top, where = np.full(REPLICATES, -np.inf), np.zeros(REPLICATES, int)
+        best, null = None, np.zeros(self.replicates)
+        top, where = np.full(self.replicates, -np.inf), np.zeros(self.replicates, int)
         every: list[tuple[Theta, Added]] = []
         for theta, columns in self._grid(effect, joints, thetas):
             found = self.added(columns, effect)
@@ -272,7 +273,7 @@ class Screen:
         every = range(len(self.x))
         recorded = self.y + self.skew_of(joints)
         prediction = (self.y - self.left)[..., None] + self.flipped
-        best, null = (-np.inf, thetas[0], 0.0), np.zeros(REPLICATES)
+        best, null = (-np.inf, thetas[0], 0.0), np.zeros(self.replicates)
         before = self.loss.sum(axis=0)
         for theta in thetas:
             passed = {j: self._passed(effect, j, theta) for j in joints}
@@ -319,7 +320,7 @@ class Screen:
         (j,), model = joints, self.model
         if any(c.effect.key == effect.key for c in model.erasing(j)):
             return None
-        best, null = (0.0, thetas[0]), np.zeros(REPLICATES)
+        best, null = (0.0, thetas[0]), np.zeros(self.replicates)
         blocks = slice(0, model.setting.rows.train_blocks)
         projection = self.normal @ (self.x[j].T * self.weight[j])
         for theta in thetas:
@@ -346,7 +347,7 @@ class Screen:
         found = self.added(self.columns[choice.key], kind)
         if found is None:
             return None
-        gain = found.nats(np.arange(1 + REPLICATES))
+        gain = found.nats(np.arange(1 + self.replicates))
         return Screened(choice, np.maximum(gain, 0), found.share, self, self.of_noise(choice, float(gain[0])))
 
     def _grid(self, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> list[tuple[Theta, Columns]]:
@@ -433,26 +434,38 @@ def with_effect(model: Model, choice: ChosenEffect) -> Model:
     return evolve(model, choices=(*model.choices, choice), seen=model.scene)
 
 
-def screens(model: Model) -> tuple[Screen, Screen]:
+def screens(model: Model, replicates: int = REPLICATES) -> tuple[Screen, Screen]:
     """The plain and the robust screen of a model."""
-    plain = Screen(model, robust=False)
-    return plain, Screen(model, robust=True, columns=plain.columns)
+    plain = Screen(model, robust=False, replicates=replicates)
+    return plain, Screen(model, robust=True, columns=plain.columns, replicates=replicates)
 
 
 def screened_laws(
     model: Model, effects: Sequence[Effect], near: Joints | None = None
 ) -> tuple[list[Screened], list[Untestable]]:
     """All laws beside a model (those on one of the joints `near`), most nats first, and what cannot be tested."""
+    every = [
+        [screen.of(effect, joints) for effect, joints in _looked_for(model, effects, near)] for screen in screens(model)
+    ]
+    untestable = [x for x in every[0] if isinstance(x, Untestable)]
+    return _best_of([_against_bar([x for x in found if isinstance(x, Screened)]) for found in every]), untestable
+
+
+def ranked_laws(model: Model, effects: Sequence[Effect], near: Joints) -> list[Screened]:
+    """All laws beside a model on one of the joints `near`, most nats first, not held against chance."""
+    sets = _looked_for(model, effects, near)
+    every = [[screen.of(effect, joints) for effect, joints in sets] for screen in screens(model, replicates=0)]
+    return _best_of([[x for x in found if isinstance(x, Screened)] for found in every])
+
+
+def _looked_for(model: Model, effects: Sequence[Effect], near: Joints | None) -> list[tuple[Effect, Joints]]:
     taken, active = {c.key for c in model.choices}, set(model.active)
-    sets = [
+    return [
         (effect, joints)
         for effect in effects
         for joints in effect.joint_sets(model.scene)
         if (effect.key, joints) not in taken and set(joints) <= active and (near is None or set(joints) & set(near))
     ]
-    every = [[screen.of(effect, joints) for effect, joints in sets] for screen in screens(model)]
-    untestable = [x for x in every[0] if isinstance(x, Untestable)]
-    return _best_of([[x for x in found if isinstance(x, Screened)] for found in every]), untestable
 
 
 def screened_families(model: Model, near: Joints | None = None) -> list[Screened]:
@@ -464,14 +477,14 @@ def screened_families(model: Model, near: Joints | None = None) -> list[Screened
         if plain and len(c.joints) == 1 and c.joints[0] in joints:
             kinds += [(kind, c.joints[0]) for kind in varied(c.effect, c.joints[0], c.theta, model.beta(number))]
     every = [[x for kind, j in kinds if (x := screen.family(kind, j))] for screen in screens(model)]
-    return _best_of(every)
+    return _best_of(list(map(_against_bar, every)))
 
 
 def _best_of(every: Sequence[list[Screened]]) -> list[Screened]:
     """Each hypothesis once, of the plain and of the robust screening the clearer one, most nats first."""
     best: dict[object, Screened] = {}
     for found in every:
-        for x in _against_bar(found):
+        for x in found:
             key = x.choice.key
             if key not in best or (x.clear, x.gain[0]) > (best[key].clear, best[key].gain[0]):
                 best[key] = x

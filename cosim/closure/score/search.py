@@ -9,7 +9,7 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import Model, settled, with_choices
 from cosim.closure.score.compare import gained, preferred
-from cosim.closure.score.null import Screened, Tried, Untestable, screened_laws
+from cosim.closure.score.null import Screened, Tried, Untestable, ranked_laws, screened_laws
 from cosim.effects import Effect
 from cosim.effects.actuator import Erasing, Late
 from cosim.effects.constants import SAME
@@ -57,7 +57,7 @@ def search(
     for number in range(most):
         found, unknown = screened_laws(model, effects)
         untestable = untestable or tuple(unknown)
-        best = _best(model, found)
+        best = _best(model, [x for x in found if x.clear])
         steps.append(SearchStep(tuple(x.kept for x in found), best))
         if best is None:
             break
@@ -76,7 +76,7 @@ def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
         if choice.key in given or choice not in model.choices:
             continue
         rest = with_choices(model, tuple(c for c in model.choices if c is not choice))
-        found, _ = screened_laws(rest, effects, near=model.acting(model.choices.index(choice)))
+        found = ranked_laws(rest, effects, model.acting(model.choices.index(choice)))
         new = _best(rest, [x for x in found if x.choice.effect.key != choice.effect.key])
         new = new and resettled(new)
         if new and gained(new, model) > 0 and preferred(new, model) > SAME:
@@ -97,11 +97,11 @@ def simplified(model: Model) -> Model:
 
 
 def _best(model: Model, found: Sequence[Screened]) -> Model | None:
-    """The model with the law of most nats of those that pass the bar and are preferred by blocks left out. A nonlinear
+    """The model with the law of most nats of those that are preferred by blocks left out. A nonlinear
     parameter, which all blocks have seen, costs one (Akaike 1974).
     """
-    clear = [x for x in found if x.clear][:SHORT]
-    tried = [with_choices(model, (*model.choices, refined(x))) for x in clear if x.gain[0] > WORTH * clear[0].gain[0]]
+    found = found[:SHORT]
+    tried = [with_choices(model, (*model.choices, refined(x))) for x in found if x.gain[0] > WORTH * found[0].gain[0]]
     good = [
         new
         for new in tried

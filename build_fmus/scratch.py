@@ -87,8 +87,13 @@ def _clear(place: Path) -> None:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder, its lock last: what a kill leaves of the folder then still shows that it is nobody's."""
-    for entry in folder.iterdir():
+    """Remove a folder, its lock last: what a kill leaves of the folder then still shows that it is nobody's. Another
+    process may have removed it in the meantime.
+    """
+    entries: list[Path] = []
+    with suppress(FileNotFoundError):
+        entries = list(folder.iterdir())
+    for entry in entries:
         if entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry, ignore_errors=True)
         elif entry.name != _LOCK:

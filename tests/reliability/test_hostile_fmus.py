@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.engine import child
+from cosim import child
 from cosim.scenario import shipped
 from tests.support import hostile
 

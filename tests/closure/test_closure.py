@@ -566,3 +566,33 @@ def test_the_answer_is_plain_json_in_every_case(tmp_path):
         result = json.loads(json.dumps(answer(closure), allow_nan=False))
         assert {"verdict", "effects", "torque_error", "replay_error", "warnings"} <= set(result)
         assert RecordingDescription().device == PhantomDevice()
+
+
+def test_a_stop_of_one_joint_is_named_with_its_angle_and_stiffness():
+    """A cushion from 0.6 rad on, met a dozen times: 2 N.m/rad, 0.03 N.m.s/rad."""
+    found, *others = drawn(
+        lambda q: np.where(q > 0.6, 2.0 * (q - 0.6) + 0.03 * np.gradient(q, 2e-3), 0.0).clip(0.0)
+    ).findings
+    assert not others
+    assert found.name == "external_contact" and found.joints == (1,)
+    truth = {"stop_stiffness": 2.0, "stop_damping": 0.03, "stop_angle": 0.6, "stop_side": 1.0}
+    for name, value in truth.items():
+        low, high = found.interval[Label(name, 1)]
+        assert low - 1e-9 <= value <= high + 1e-9 and high - low < 0.4 * max(value, 0.1), (name, low, high)
+
+
+def test_a_delay_beside_a_told_torque_is_named():
+    """What is told of the rigid body passes the delay as what is fitted does."""
+    random, time = np.random.default_rng(1), np.arange(0, 30, 2e-3)
+    q = 0.8 * np.sin(2 * time) + 0.3 * np.sin(5.1 * time) + 0.1 * np.sin(11.3 * time)
+    dq = 1.6 * np.cos(2 * time) + 1.53 * np.cos(5.1 * time) + 1.13 * np.cos(11.3 * time)
+    ddq = -3.2 * np.sin(2 * time) - 7.803 * np.sin(5.1 * time) - 12.769 * np.sin(11.3 * time)
+    rigid = 0.05 * ddq + 0.4 * np.sin(q)
+    needed = rigid + 0.02 * dq + 0.05 * np.tanh(dq / 0.05)
+    tau = np.interp(time + 0.015, time, needed) + 0.005 * random.normal(size=len(time))
+    run = Run("told", time, q[:, None], tau[:, None], time > 15, dq=dq[:, None], rigid=rigid)
+    table = {"device": "regressor", "columns": {"time": "t", "q": ["q"], "tau": ["tau"], "dq": ["dq"], "rigid": "r"}}
+    closure = close_loop(Recording(parse_description(table, "test"), (run,)), Options(replayed=False))
+    (found,) = closure.verdict.findings
+    assert {found.name, *found.aliases} >= {"time_delay", "actuator_lag"}
+    assert found.parameters[Label(found.name, 1)] == pytest.approx(0.015, rel=0.1)

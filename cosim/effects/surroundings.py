@@ -1,5 +1,6 @@
 """Effects of time and of the outside: friction drift, undeclared contact, coupling between joints."""
 
+from abc import abstractmethod
 from collections.abc import Hashable
 from typing import ClassVar
 
@@ -71,7 +72,37 @@ def _arm(scene: Scene) -> MovingArm:
     return scene.arm
 
 
-class ExternalContact(Effect):
+class UnilateralSpring(Effect):
+    """Something that pushes while it is touched, and never pulls: spring and damper, coefficients (k, c)."""
+
+    met: str
+    """What is met, in words."""
+
+    @abstractmethod
+    def depth(self, scene: Scene, joints: Joints, theta: Theta) -> np.ndarray:
+        """How far (n,) it is pressed in; not touched where negative."""
+
+    def unphysical(self, estimate: EffectEstimate) -> str:
+        if estimate.beta[0] < 0:
+            return f"a {self.met} that pulls"
+        if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
+            return f"damping of the {self.met} that feeds energy in"
+        inside = float((self.depth(estimate.scene, estimate.joints, estimate.theta) > 0).mean())
+        return (
+            f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a contact"
+            if inside > 0.6
+            else ""
+        )
+
+    def _damped(self, estimate: EffectEstimate) -> float:
+        """Size of the force of damping beside that of the spring."""
+        spring, damping = (
+            np.concatenate(list(self.columns(estimate.scene, estimate.joints, estimate.theta).values())) * estimate.beta
+        ).T
+        return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
+
+
+class ExternalContact(UnilateralSpring):
     """The tip touches something that was not declared: a wall of stiffness k; theta = (normal n, distance d [m], lead
     [s]).
 
@@ -84,6 +115,7 @@ class ExternalContact(Effect):
     # hardly matters for a wall
     form: float = 0.01
     title = "undeclared contact of the tip"
+    met = "wall"
     equation = "tau += J^T n max(k (n.x - d) + c n.dx, 0) where n.x > d, k > 0"
     source = "unilateral spring"
     unit = "N/m"
@@ -116,20 +148,14 @@ class ExternalContact(Effect):
         n[index] += step
         return (*map(float, n / max(np.linalg.norm(n), 1e-9)), *theta[3:])
 
+    def depth(self, scene: Scene, joints: Joints, theta: Theta) -> np.ndarray:
+        return _arm(scene).tip @ np.array(theta[:3]) - theta[3]
+
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
-        x, jacobian = _arm(scene).tip, _arm(scene).jacobian
-        n, d, ahead = np.array(theta[:3]), theta[3], theta[4]
-        arm = n @ jacobian
-        depth, speed = x @ n - d, np.einsum("nj,nj->n", arm, scene.motion.dq)
+        arm, ahead = np.array(theta[:3]) @ _arm(scene).jacobian, theta[4]
+        depth, speed = self.depth(scene, joints, theta), np.einsum("nj,nj->n", arm, scene.motion.dq)
         pushes = (depth > 0) & (depth + ahead * speed > 0)
         return {j: arm[:, [j]] * np.where(pushes, (depth, speed), 0.0).T for j in joints}
-
-    def _damped(self, estimate: EffectEstimate) -> float:
-        """Size of the force of damping beside that of the spring."""
-        spring, damping = (
-            np.concatenate(list(self.columns(estimate.scene, estimate.joints, estimate.theta).values())) * estimate.beta
-        ).T
-        return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (Label("contact_stiffness"), Label("contact_damping"))
@@ -142,21 +168,8 @@ class ExternalContact(Effect):
     def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return (*(Label("contact_normal", k) for k in (1, 2, 3)), Label("contact_distance"))
 
-    def unphysical(self, estimate: EffectEstimate) -> str:
-        if estimate.beta[0] < 0:
-            return "a wall that pulls"
-        if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
-            return "damping of the wall that feeds energy in"
-        x = _arm(estimate.scene).tip
-        inside = float((x @ np.array(estimate.theta[:3]) > estimate.theta[3]).mean())
-        return (
-            f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a contact"
-            if inside > 0.6
-            else ""
-        )
 
-
-class JointStop(Effect):
+class JointStop(UnilateralSpring):
     """Something is met by one joint beyond an angle: a stop, a cushion, a hand; theta = (side, angle [rad], lead [s]).
 
     side is 1 where it is met at larger angles, -1 at smaller ones. It pushes while x = side (q - angle) > 0 and
@@ -166,6 +179,7 @@ class JointStop(Effect):
     name = "external_contact"
     form: float = 0.01
     title = "a stop or a contact of one joint"
+    met = "stop"
     equation = "tau += side max(k x + c dx, 0) where x = side (q - angle) > 0, k > 0"
     source = "unilateral spring"
     unit = "N.m/rad"
@@ -190,9 +204,13 @@ class JointStop(Effect):
         side, angle, lead = theta
         return (side, angle + 0.2 * step, lead) if index == 1 else (side, angle, max(lead + 0.04 * step, 0.0))
 
+    def depth(self, scene: Scene, joints: Joints, theta: Theta) -> np.ndarray:
+        side, angle, _ = theta
+        return side * (scene.motion.q[:, joints[0]] - angle)
+
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
-        (j,), (side, angle, lead), m = joints, theta, scene.motion
-        depth, speed = side * (m.q[:, j] - angle), side * m.dq[:, j]
+        (j,), (side, _, lead) = joints, theta
+        depth, speed = self.depth(scene, joints, theta), side * scene.motion.dq[:, j]
         pushes = (depth > 0) & (depth + lead * speed > 0)
         return {j: side * np.where(pushes, (depth, speed), 0.0).T}
 
@@ -207,23 +225,6 @@ class JointStop(Effect):
 
     def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
         return (per_joint("stop_side", joints), per_joint("stop_angle", joints))
-
-    def unphysical(self, estimate: EffectEstimate) -> str:
-        if estimate.beta[0] < 0:
-            return "a stop that pulls"
-        if estimate.sure_sign(1) < 0 and self._damped(estimate) > DAMPED:
-            return "damping of the stop that feeds energy in"
-        side, angle, _ = estimate.theta
-        inside = float((side * (estimate.scene.motion.q[:, estimate.joints[0]] - angle) > 0).mean())
-        return (
-            f"it would touch {100 * inside:.0f} % of the time: a torque of position, not a stop" if inside > 0.6 else ""
-        )
-
-    def _damped(self, estimate: EffectEstimate) -> float:
-        """Size of the torque of damping beside that of the spring."""
-        (columns,) = self.columns(estimate.scene, estimate.joints, estimate.theta).values()
-        spring, damping = (columns * estimate.beta).T
-        return float(np.sqrt((damping**2).sum() / max((spring**2).sum(), 1e-300)))
 
 
 class JointCoupling(Effect):

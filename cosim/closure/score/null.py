@@ -496,14 +496,22 @@ def _against_bar(found: list[Screened]) -> list[Screened]:
     if not found:
         return []
     roots = np.cbrt(np.maximum([x.gain for x in found], 0))
-    mean, std = roots[:, 1:].mean(axis=1), roots[:, 1:].std(axis=1)
-    mean, std = np.maximum(mean, 0.5 * np.median(mean)), np.maximum(std, 0.5 * np.median(std))
-    z = (roots - mean[:, None]) / np.maximum(std, 1e-300)[:, None]
+    usual = float(np.median(roots[:, 1:].mean(axis=1))), float(np.median(roots[:, 1:].std(axis=1)))
+    z = _standardised(roots, usual)
     largest = z[:, 1:].max(axis=0)
     scale = largest.std() * np.sqrt(6) / np.pi
     bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log(1 - ALPHA))
     known = [evolve(x, z=float(v), clear=bool(v > bar) and _counts(x)) for x, v in zip(found, z[:, 0], strict=True)]
-    return [_looked_at_again(x, float(bar), float(np.median(mean)), float(np.median(std))) for x in known]
+    return [_looked_at_again(x, float(bar), usual) for x in known]
+
+
+def _standardised(roots: np.ndarray, usual: tuple[float, float]) -> np.ndarray:
+    """Roots (n, 1 + R) of gains in standard deviations of their replicates; of hardly any spread or mean, in half of
+    the usual one of the library.
+    """
+    mean = np.maximum(roots[:, 1:].mean(axis=1), 0.5 * usual[0])
+    std = np.maximum(roots[:, 1:].std(axis=1), 0.5 * usual[1])
+    return (roots - mean[:, None]) / np.maximum(std, 1e-300)[:, None]
 
 
 def _counts(x: Screened) -> bool:
@@ -511,7 +519,7 @@ def _counts(x: Screened) -> bool:
     return x.share > SIZE and not x.noise
 
 
-def _looked_at_again(x: Screened, bar: float, mean: float, std: float) -> Screened:
+def _looked_at_again(x: Screened, bar: float, usual: tuple[float, float]) -> Screened:
     """A law that does not pass the bar, beside replicates of what it leaves itself."""
     effect = x.choice.effect
     if x.clear or x.z < 1 or not _counts(x) or effect.nameless or isinstance(effect, Late | Erasing):
@@ -519,6 +527,5 @@ def _looked_at_again(x: Screened, bar: float, mean: float, std: float) -> Screen
     again = x.screen.without(x).of(effect, x.choice.joints)
     if not isinstance(again, Screened):
         return x
-    roots = np.cbrt(np.maximum(again.gain, 0))
-    z = (roots[0] - max(roots[1:].mean(), 0.5 * mean)) / max(roots[1:].std(), 0.5 * std, 1e-300)
-    return evolve(x, z=float(z), clear=bool(z > bar)) if z > x.z else x
+    z = float(_standardised(np.cbrt(np.maximum(again.gain, 0))[None], usual)[0, 0])
+    return evolve(x, z=z, clear=bool(z > bar)) if z > x.z else x

@@ -42,7 +42,7 @@ class _Looked:
 def _looked(scenario: Scenario, system: FmuSet, mark: np.ndarray | None) -> _Looked:
     """The linearised loop, in continuous and discrete time, the coupling of its arms, and how well it predicts."""
     found = examine(system.wiring(scenario), system, mark)
-    loop, coupling = linear_loop(found), coupled(found)
+    loop, coupling = linear_loop(found.wiring, found.fmus), coupled(found)
     still = found if loop.constant else examine(_still(scenario, system, loop), system, mark)
     discrete = stepped(still)
     try:

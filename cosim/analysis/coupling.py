@@ -6,7 +6,7 @@ the FMUs of the loop. A controller's gains are the derivatives of its outputs; t
 is tried with inputs at random.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -15,7 +15,7 @@ from cosim.analysis.damping import LeastViscosity
 from cosim.analysis.examination import Examined
 from cosim.analysis.linear_fmu import LinearFmu, is_channel, linear_fmu
 from cosim.analysis.lone_fmu import LoneFmu
-from cosim.analysis.memory import looped
+from cosim.analysis.memory import known_as, looped
 from cosim.analysis.passivity import dissipates, responses
 from cosim.analysis.traits import ArmTraits, arm_traits, start_vector
 from cosim.errors import RunError
@@ -30,6 +30,7 @@ TRIES = 24
 """Random inputs at each amplitude."""
 _GRID = np.geomspace(1e-2, 1e4, 300)
 """Frequencies [rad/s] at which ports are looked at."""
+_MOST_ARMS = 64  # that are remembered
 
 
 @frozen
@@ -109,28 +110,6 @@ def _inverse_scales(product: np.ndarray) -> Assumption:
     """Arms of different size are those of one size, measured otherwise, where the way back undoes the way there."""
     what = "each side holds its own position as stiffly as the other's, or the scales are each other's inverse"
     return Assumption(what, bool(np.all(np.abs(product - 1.0) <= _ALIKE)), f"product of the scales {_numbers(product)}")
-
-
-def known_coupling(wiring: Wiring, look: Callable[[], Examined]) -> Coupled:
-    """As `coupled`, remembered for loops that differ in their channels' parameters only (points of a sweep).
-
-    look: examines the wiring's FMUs; called where nothing is remembered.
-    """
-    scenario = wiring.scenario
-    parts = tuple(
-        (name, d.sha256, scenario.components[name].step_multiple, tuple(sorted(wiring.starts[name].items())))
-        for name, d in wiring.descriptions.items()
-        if not is_channel(d)
-    )
-    key = parts, scenario.connections, scenario.experiment.step_ns, scenario.arms
-    if key not in _KNOWN:
-        if len(_KNOWN) > 512:
-            _KNOWN.clear()
-        _KNOWN[key] = coupled(look())
-    return _KNOWN[key]
-
-
-_KNOWN: dict[tuple[object, ...], Coupled] = {}
 
 
 @frozen
@@ -274,33 +253,37 @@ class _Loop:
 
     def _arm(self, side: CoupledSide, forces: list[str], inside: np.ndarray) -> list[Assumption]:
         """Gravity, and that the arm takes at least the power that its counted viscosity takes, at the pose."""
-        fmu = self._at_rest(side.arm, forces if not inside.any() else [])
-        speeds, order = _motion(fmu, "q" if side.joint_space else "x")
         said = [Assumption(f"gravity of {side.arm} is compensated", side.compensated, "by its parameter")]
         what = f"{side.arm} takes the power that is counted on where it is pushed"
-        columns = [fmu.inputs.index(i) for i in sorted(forces, key=index_of)]
-        columns = [k for k in columns if np.any(fmu.b[:, k])]
-        if len(speeds) != len(columns):
-            return [*said, Assumption(what, False, "its motion is not wired, so that it could not be seen")]
-        kept = [k for k in range(len(fmu.states)) if np.any(fmu.a[k]) or np.any(fmu.b[k])]
-        rows = [fmu.outputs.index(o) for o in sorted(speeds, key=index_of)]
-        scale = 1.0 if not inside.any() else side.stiffness
-        a, b = fmu.a[np.ix_(kept, kept)], fmu.b[np.ix_(kept, columns)] / scale
-        mobility = responses(a, b, fmu.c[np.ix_(rows, kept)], None, _GRID) * (1j * _GRID[:, None, None]) ** order
         least = side.viscosity.value + float(inside.min())
-        lossy = dissipates(np.linalg.inv(mobility), least)
+        scale = np.ones(1) if not inside.any() else side.stiffness
+        position = "q" if side.joint_space else "x"
+        still = self._still(side.arm, forces if not inside.any() else [])
+        key = known_as(self.wiring, side.arm), tuple(forces), position, least, still.base.tobytes(), scale.tobytes()
+        if key not in _LOSSY:
+            if len(_LOSSY) > _MOST_ARMS:
+                _LOSSY.clear()
+            _LOSSY[key] = _takes(self._at_rest(side.arm, still), forces, position, scale, least)
+        lossy = _LOSSY[key]
+        if lossy is None:
+            return [*said, Assumption(what, False, "its motion is not wired, so that it could not be seen")]
         return [*said, Assumption(what, lossy, f"at least {least:.4g} times its squared speed, at the start pose")]
 
-    def _at_rest(self, arm: str, forces: list[str]) -> LinearFmu:
+    def _still(self, arm: str, forces: list[str]) -> LoneFmu:
         """The arm at its start pose without speed and without the forces: what a motion adds turns but does not
-        drive.
+        drive. As it starts where it has no states or no start speeds.
         """
         one, speeds = self.alone[arm], self.wiring.descriptions[arm].elements("dq_start")
         if not speeds or not self.fmus[arm].states:
-            return self.fmus[arm]
+            return one
         base = np.where(np.isin(one.instance.input_names, forces), 0.0, one.base)
-        still = evolve(one, starts={**one.starts, **dict.fromkeys(speeds, 0.0)}, base=base)
-        still.respond(np.zeros((0, len(base))))
+        return evolve(one, starts={**one.starts, **dict.fromkeys(speeds, 0.0)}, base=base)
+
+    def _at_rest(self, arm: str, still: LoneFmu) -> LinearFmu:
+        """Its equations there."""
+        if still is self.alone[arm]:
+            return self.fmus[arm]
+        still.respond(np.zeros((0, len(still.base))))
         return linear_fmu(self.wiring, arm, still)
 
     def _touch(self, law: _Law, arm: str) -> Assumption:
@@ -353,6 +336,26 @@ class _Loop:
         drag = np.einsum("ij,ij->i", f - at_rest, speed)
         spring = np.einsum("ij,ij->i", further - at_rest, speed)
         return bool(np.all(drag <= 1e-9 * size) and np.all(spring <= 1e-9 * size))
+
+
+_LOSSY: dict[tuple[object, ...], bool | None] = {}
+"""What was found of an arm with certain start values and inputs, however stiff its controller is."""
+
+
+def _takes(fmu: LinearFmu, forces: list[str], position: str, scale: np.ndarray, least: float) -> bool | None:
+    """Whether an arm takes `least` times its squared speed where forces of `scale` push it; None where it does not
+    show.
+    """
+    speeds, order = _motion(fmu, position)
+    columns = [fmu.inputs.index(i) for i in sorted(forces, key=index_of)]
+    columns = [k for k in columns if np.any(fmu.b[:, k])]
+    if len(speeds) != len(columns):
+        return None
+    kept = [k for k in range(len(fmu.states)) if np.any(fmu.a[k]) or np.any(fmu.b[k])]
+    rows = [fmu.outputs.index(o) for o in sorted(speeds, key=index_of)]
+    a, b = fmu.a[np.ix_(kept, kept)], fmu.b[np.ix_(kept, columns)] / scale
+    mobility = responses(a, b, fmu.c[np.ix_(rows, kept)], None, _GRID) * (1j * _GRID[:, None, None]) ** order
+    return dissipates(np.linalg.inv(mobility), least)
 
 
 def _motion(fmu: LinearFmu, position: str) -> tuple[list[str], int]:

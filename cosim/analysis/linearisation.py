@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import evolve, field, frozen
 
-from cosim.analysis.examination import Examined, examine
+from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import LinearFmu, channel_bounds
 from cosim.analysis.spectrum import DelayFamily, DelaySystem
 from cosim.engine.master import System
@@ -104,13 +104,13 @@ def linearise(scenario: Scenario, system: System, mark: np.ndarray | None = None
 
     mark: where it says which FMU is at work (see cosim.engine.reference.marked).
     """
-    return linear_loop(examine(system.wiring(scenario), system, mark))
+    found = examine(system.wiring(scenario), system, mark)
+    return linear_loop(found.wiring, found.fmus)
 
 
-def linear_loop(found: Examined) -> LinearLoop:
+def linear_loop(wiring: Wiring, fmus: Mapping[str, LinearFmu]) -> LinearLoop:
     """The loop of examined FMUs. Raises InputError where there is none."""
-    wiring, fmus, scenario = found.wiring, found.fmus, found.wiring.scenario
-    channels = channel_bounds(wiring)
+    channels, scenario = channel_bounds(wiring), wiring.scenario
     states = tuple(f"{name}.{state}" for name, fmu in fmus.items() for state in fmu.states)
     if not states:
         raise InputError(Problem(scenario.name, "an FMU with states, to linearise", "none"))

@@ -160,7 +160,10 @@ def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: 
     until its `sure` rightmost eigenvalues are roots to 1e-6 before polishing; roots far to the left are only as
     complete as that.
     """
-    scaled = balanced(system)
+    return _roots_of_balanced(balanced(system), above, at_most, sure)
+
+
+def _roots_of_balanced(scaled: DelaySystem, above: float, at_most: int, sure: int) -> NDArray[np.complex128]:
     if scaled.longest == 0.0:
         found: NDArray[np.complex128] = np.linalg.eigvals(_added(scaled.matrices)).astype(complex)
         return _distinct(found[(found.imag >= 0) & (found.real >= above)])[:at_most]
@@ -204,15 +207,17 @@ def abscissa(system: DelaySystem) -> float:
     """
     system = balanced(system)
     neutral = _neutral(system)
-    found = roots(system, at_most=neutral + 4, sure=neutral + 2)
+    found = _roots_of_balanced(system, -np.inf, neutral + 4, neutral + 2)
     if neutral:
         found = found[np.abs(found) > 1e-5 * _frequency_scale(system)]
     return float(found[0].real) if found.size else -np.inf
 
 
-def _neutral(system: DelaySystem) -> int:
-    """Number of structural roots at s = 0: singular values of Delta(0) below 1e-7 of the largest."""
-    values = np.linalg.svd(balanced(system).characteristic(0.0), compute_uv=False)
+def _neutral(scaled: DelaySystem) -> int:
+    """Number of structural roots at s = 0 of a balanced system: singular values of Delta(0) below 1e-7 of the
+    largest.
+    """
+    values = np.linalg.svd(scaled.characteristic(0.0), compute_uv=False)
     return int(np.sum(values <= 1e-7 * values[0]))
 
 

@@ -141,7 +141,7 @@ def _borne(scenario: Scenario, system: FmuSet) -> BorneDelays:
 
 def _looked_at(scenario: Scenario, system: FmuSet, mark: np.ndarray | None) -> BorneDelays:
     found = examine(system.wiring(scenario), system, mark)
-    loop = linear_loop(found)
+    loop = linear_loop(found.wiring, found.fmus)
     said = theory(found.wiring, loop, coupled(found))
     limit = boundary(loop)
     return BorneDelays(

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from cosim.analysis.assessment import coupling
-from cosim.analysis.coupling import known_coupling
 from cosim.analysis.criteria import delay_sum, sallam_eq10
 from cosim.analysis.delay_verdict import linear_verdict
 from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import channel_bounds
 from cosim.analysis.linearisation import linearise
 from cosim.analysis.spectrum import abscissa
+from cosim.analysis.undelayed import undelayed
 from cosim.sweeps.evaluate import setup
 from cosim.sweeps.points import point
 from cosim.sweeps.pool import Task
@@ -76,7 +76,7 @@ def _margin(name: str, task: Task, sweep: Sweep, entries: Mapping[str, Entry]) -
     wiring = one.wiring
     if name in ("delay_sum", "sallam_eq10"):
         found, delays = (
-            known_coupling(wiring, partial(examine, wiring, one.system)),
+            undelayed(wiring, partial(examine, wiring, one.system)).coupling,
             [b[2] for b in channel_bounds(wiring).values()],
         )
         pair = found.pair

@@ -9,7 +9,7 @@ exact spectrum of the loop, linearised at its start pose. Loaded FMUs are kept f
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -17,15 +17,14 @@ import numpy as np
 from attrs import evolve, frozen
 
 from cosim.analysis.assessment import coupling
-from cosim.analysis.coupling import known_coupling
 from cosim.analysis.criteria import delay_sum
 from cosim.analysis.evidence import UNSTABLE, StabilityEvidence, strongest
 from cosim.analysis.examination import examine
 from cosim.analysis.linear_fmu import channel_bounds
-from cosim.analysis.linearisation import linear_loop, linearise
-from cosim.analysis.robust import delay_law_bound, quick_limit
+from cosim.analysis.linearisation import linearise
 from cosim.analysis.spectrum import abscissa
 from cosim.analysis.twin import twin_of, twin_wiring
+from cosim.analysis.undelayed import undelayed
 from cosim.analysis.verdict import judge
 from cosim.engine.master import Result, run
 from cosim.engine.outcome import Outcome
@@ -306,20 +305,18 @@ def _evidence(one: PointSetup, outcome: Outcome | None, rate: float | None = Non
     if len(channels) != 2 or wiring.scenario.arms is None:
         return strongest(outcome)
     longest, constant = [bounds[2] for bounds in channels.values()], all(bounds[3] for bounds in channels.values())
-    look = cache(partial(examine, wiring, one.system))
-    found = known_coupling(wiring, look)
+    loop = undelayed(wiring, partial(examine, wiring, one.system))
+    found = loop.coupling
     if found.pair and not found.broken and delay_sum(coupling(found.pair), *longest).holds:
         return StabilityEvidence.ANY_MASS
-    loop = linear_loop(look())
-    if loop.unseen:
+    if loop.loop.unseen:
         return strongest(outcome)
-    family = loop.family()
-    if family and max(longest) < quick_limit(family) and max(longest) < delay_law_bound(family):
+    if loop.bears(max(longest)):
         return StabilityEvidence.KNOWN_MASS
     if one.any_delay and _certified(one, max(longest)):
         return StabilityEvidence.ANY_LAW
     if constant and rate is None:
-        rate = abscissa(loop.system())
+        rate = abscissa(loop.at(wiring).system())
     return strongest(outcome, abscissa=rate, constant=constant)
 
 

@@ -154,25 +154,33 @@ class LocalPool(Workers):
         gc.unfreeze()
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
-        share = -(-len(points) // self.count)
-        todo = deque(chunked(points, min(size, max(1, share))))
-        while todo or any(worker.chunk for worker in self.workers):
-            for worker in self.workers:
-                if worker.chunk is None and todo:
-                    worker.give(task, todo.popleft())
+        """Points that follow one another go to the same worker, which remembers what they have in common; one that has
+        done its share takes from the end of the longest.
+        """
+        share = max(1, -(-len(points) // self.count))
+        todo = [deque(chunked(points[k : k + share], size)) for k in range(0, share * self.count, share)]
+        while any(todo) or any(worker.chunk for worker in self.workers):
+            for k, worker in enumerate(self.workers):
+                if worker.chunk is None and any(todo):
+                    worker.give(task, _next(todo, k))
             for worker in _heard(self.workers):
-                chunk, findings, message = worker.take()
+                k, (chunk, findings, message) = self.workers.index(worker), worker.take()
                 again, settled = (
                     ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
                 )
-                todo.extend(again)
-                if todo:  # before the answer is looked at: the worker need not wait for that
-                    worker.give(task, todo.popleft())
+                todo[k].extend(again)
+                if any(todo):  # before the answer is looked at: the worker need not wait for that
+                    worker.give(task, _next(todo, k))
                 yield from settled
 
     def close(self) -> None:
         for worker in self.workers:
             worker.stop()
+
+
+def _next(todo: Sequence[deque[Chunk]], k: int) -> Chunk:
+    """The next chunk of worker k's share, else the last one of the longest share."""
+    return todo[k].popleft() if todo[k] else max(todo, key=len).pop()
 
 
 def _heard(workers: Sequence["_Worker"]) -> list["_Worker"]:

@@ -151,6 +151,6 @@ def test_the_map_over_a_step_agrees_with_the_spectrum_and_its_ages(algorithm, ex
     with open_system(scenario) as system:
         found = examine(system.wiring(scenario), system)
         discrete = stepped(found)
-        expected = abscissa(linear_loop(found).system())
+        expected = abscissa(linear_loop(found.wiring, found.fmus).system())
         assert predict(found, discrete.loop, discrete.delays).error < 0.01
     assert discrete.loop.abscissa == pytest.approx(expected, rel=1e-4)

@@ -118,7 +118,7 @@ def test_identified_negative_viscosity_takes_the_guarantee_away():
     )
     with open_system(scenario) as system:
         found = examine(system.wiring(scenario), system)
-        said = theory(system.wiring(scenario), linear_loop(found), coupled(found))
+        said = theory(system.wiring(scenario), linear_loop(found.wiring, found.fmus), coupled(found))
     assert said.delay_sum.max_delay == 0.0 and not said.delay_sum.holds
     assert said.pair[0].viscosity.value == pytest.approx(-2.08e-3 / 0.05**2, rel=1e-3)
 

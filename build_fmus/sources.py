@@ -26,6 +26,7 @@ def models() -> list[str]:
     return sorted(path.parent.name for path in source_root().glob("*/model.toml"))
 
 
+@lru_cache(maxsize=256)
 def is_path(model: str) -> bool:
     """Whether a model is named by its folder or Python file, `./MyController`, and not as one of ours."""
     return "/" in model or "\\" in model or model in (".", "..") or model.endswith(".py")

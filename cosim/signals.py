@@ -209,7 +209,7 @@ class FmuDescription:
 
     def names(self, causality: str) -> list[str]:
         """Names of the variables of one causality, in the order of the FMU."""
-        return [v.name for v in self.variables.values() if v.causality == causality]
+        return list(self._causal.get(causality, ()))
 
     def elements(self, name: str) -> list[str]:
         """The scalar names behind a name: itself, `x` -> `x[1], x[2], x[3]`, `x[2..3]` -> `x[2], x[3]`; empty: none."""
@@ -225,6 +225,14 @@ class FmuDescription:
         value = given.get(name, self.variables[name].start)
         assert value is not None, f"{self.model}.{name} has no start value"
         return float(value)
+
+    @cached_property
+    def _causal(self) -> dict[str, list[str]]:
+        """Names by causality, in the order of the FMU."""
+        found: dict[str, list[str]] = {}
+        for variable in self.variables.values():
+            found.setdefault(variable.causality, []).append(variable.name)
+        return found
 
     @cached_property
     def _vectors(self) -> dict[str, list[str]]:

@@ -53,8 +53,9 @@ def tracking(result: Result) -> Tracking | None:
     tips = facing_tips(result)
     if tips is None:
         return None
-    axes = np.sqrt(np.mean(tips.apart**2, axis=0))
-    return Tracking(tuple(float(a) for a in axes), float(np.sqrt(np.mean(np.sum(tips.apart**2, axis=1)))))
+    squares = tips.apart**2
+    axes, total = np.sqrt(np.mean(squares, axis=0)), np.sqrt(np.mean(squares[:, 0] + squares[:, 1] + squares[:, 2]))
+    return Tracking(tuple(float(a) for a in axes), float(total))
 
 
 def simulated_time(result: Result) -> float:

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from attrs import evolve
+from attrs import evolve, fields
 
 from cosim.errors import InputError, Problem
-from cosim.scenario import Scenario, joints_of
+from cosim.scenario import Component, Scenario, joints_of
 from cosim.signals import FmuDescription
 from cosim.wiring.ages import timed
 from cosim.wiring.feeding import recorded_beside, silences, starved, tool_warnings, unwired
@@ -35,7 +35,7 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
     old = wiring.scenario.components
     starts = {
         name: wiring.starts[name]
-        if component == old[name]
+        if component is old[name] or component == old[name]
         else starts_of(scenario, name, wiring.descriptions[name], problems)
         for name, component in scenario.components.items()
     }
@@ -47,14 +47,16 @@ def restarted(wiring: Wiring, scenario: Scenario) -> Wiring | None:
 def _resized(wiring: Wiring, scenario: Scenario) -> bool:
     """Whether a value changes that settles the size of an array or of a packet."""
     old = wiring.scenario.components
-    if any(put_in(scenario, n, d) != put_in(wiring.scenario, n, d) for n, d in wiring.descriptions.items()):
+    changed = {name: component for name, component in scenario.components.items() if component is not old[name]}
+    described = {name: wiring.descriptions[name] for name in changed}
+    if any(put_in(scenario, n, d) != put_in(wiring.scenario, n, d) for n, d in described.items()):
         return True
-    if any(joints_of(component) != joints_of(old[key]) for key, component in scenario.components.items()):
+    if any(joints_of(component) != joints_of(old[name]) for name, component in changed.items()):
         return True
     return any(
         component.parameters.get(name) != old[key].parameters.get(name)
-        for key, component in scenario.components.items()
-        for name in wiring.descriptions[key].names("structuralParameter")
+        for key, component in changed.items()
+        for name in described[key].names("structuralParameter")
     )
 
 
@@ -67,10 +69,11 @@ def _same_structure(one: Scenario, other: Scenario) -> bool:
     ) or list(one.components) != list(other.components):
         return False
     pairs = zip(one.components.values(), other.components.values())
-    return all(
-        a == b or evolve(a, parameters={}, parameter_set=None) == evolve(b, parameters={}, parameter_set=None)
-        for a, b in pairs
-    )
+    return all(a is b or all(getattr(a, key) == getattr(b, key) for key in _BUT_VALUES) for a, b in pairs)
+
+
+_BUT_VALUES = [entry.name for entry in fields(Component) if entry.name not in ("parameters", "parameter_set")]
+"""What a component is but for its start values."""
 
 
 def check(scenario: Scenario, descriptions: Mapping[str, FmuDescription]) -> tuple[Wiring | None, list[Problem]]:

@@ -93,6 +93,11 @@ class Arena:
         whole[skip : skip + values.size] = values.ravel()
         return self.array(whole) + 8 * skip
 
+    def zeros(self, count: int) -> int:
+        """So many doubles, zero, at the start of a cache line."""
+        whole = np.zeros(count + _LINE // 8)
+        return self.array(whole) + -whole.ctypes.data % _LINE
+
     def indices(self, values: Sequence[int] | np.ndarray) -> int:
         """A copy as 64-bit integers."""
         return self.array(np.ascontiguousarray(values, dtype=np.int64))

@@ -224,6 +224,11 @@ def run_pairs(
     return [TwinRuns(result, twin, growth) for (result, growth), (twin, _) in zip(runs[::2], runs[1::2])]
 
 
+def _lane_stride(count: int, numbers: int) -> int:
+    """Doubles that a lane's rows of so many numbers take, LANE_STRIDE of fmu_src/kernel/rows.h."""
+    return count * (-(-numbers // 4) * 4) + 8
+
+
 _LaneRun = tuple[Result, tuple[float, float, float] | None]
 
 
@@ -352,7 +357,7 @@ class _Call:
         parts = [setting.parts[i] for setting in self.filled]
         names = list(dict.fromkeys(name for part in parts for name in part.starts))
         native.n_starts, native.started = len(names), self.arena.indices(parts[0].places(names))
-        native.starts = self.arena.aligned(np.array([[part.number(name) for part in parts] for name in names]))
+        native.starts = self.arena.aligned(np.array([part.numbers(names) for part in parts]).T)
 
     def _series(self, i: int) -> list[np.ndarray]:
         """The series of every lane; empty where the component has none."""
@@ -368,10 +373,10 @@ class _Call:
         longest = max(float(values.max()) for values in self._series(i))
         steps = min(int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns)), self.experiment.steps)
         native.capacity = 1 << (steps + 4).bit_length()
-        native.history = self.arena.array(np.zeros((native.capacity, self.width, max(1, native.n_inputs))))
+        native.history = self.arena.zeros(self.width * _lane_stride(native.capacity, native.n_inputs))
         native.stamps = self.arena.array(np.zeros(native.capacity))
         if self.parts[i].packets:
-            native.packets = self.arena.array(np.zeros((self.width, native.capacity, 1 + native.n_inputs)))
+            native.packets = self.arena.zeros(self.width * _lane_stride(native.capacity, 1 + native.n_inputs))
             losses = [setting.lost[i] for setting in self.filled]
             if any(lost is not None for lost in losses):
                 none = np.zeros(self.experiment.steps + 1)

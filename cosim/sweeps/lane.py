@@ -78,6 +78,12 @@ class LaneComponent:
         value = self.starts.get(name)
         return float(self.description.variables[name].start or 0.0) if value is None else float(value)
 
+    def numbers(self, names: Sequence[str]) -> list[float]:
+        """Start values of scalar variables."""
+        if self.starts.keys() >= set(names):
+            return [float(self.starts[name]) for name in names]
+        return [self.number(name) for name in names]
+
     def choice(self, name: str) -> str:
         """Start value of an enumeration, in words."""
         return self.description.variables[name].item(self.number(name))

@@ -3,6 +3,7 @@
 #define KERNEL_DELAY_H
 
 #include "part.h"
+#include "rows.h"
 
 /* --- channel ------------------------------------------------------------------------------------------------------ */
 
@@ -15,15 +16,27 @@ static inline int64_t shown(int64_t input) {
 
 /* A lane's wired inputs in record k of the samples entered. */
 static inline double *past(const Component *c, int64_t k, int lane) {
-    return c->history + (lane * c->capacity + (k & (c->capacity - 1))) * c->n_inputs;
+    return c->history + lane * LANE_STRIDE(c->capacity, c->n_inputs) + (k & (c->capacity - 1)) * FOURS(c->n_inputs);
 }
 
 static inline void enter(Part *a, const Component *c, double stamp) {
     const int64_t k = a->head++;
     c->stamps[k & (c->capacity - 1)] = stamp;
-    for (int64_t i = 0; i < c->n_inputs; i++) {
-        const real u = values_of(a)[c->inputs[i]];
-        for (int lane = 0; lane < LANES; lane++) past(c, k, lane)[i] = LANE(u, lane);
+    for (int64_t i = 0; i < c->n_inputs; i += 4) {
+        double *rows[LANES];
+        real v[4];
+        for (int lane = 0; lane < LANES; lane++) rows[lane] = past(c, k, lane) + i;
+        for (int64_t j = 0; j < 4; j++) v[j] = i + j < c->n_inputs ? values_of(a)[c->inputs[i + j]] : real_of(0.0);
+        to_rows(v, rows);
+    }
+}
+
+/* The numbers of each lane's row, in whole fours. */
+static inline void read_rows(const double *const *rows, int64_t n, real *numbers) {
+    for (int64_t i = 0; i < n; i += 4) {
+        const double *at[LANES];
+        for (int lane = 0; lane < LANES; lane++) at[lane] = rows[lane] + i;
+        from_rows(at, numbers + i);
     }
 }
 
@@ -43,11 +56,13 @@ static inline int64_t find(const Component *c, int64_t newest, double target, do
 /* Stamp and inputs, in every lane, of the record that follows the one shown. */
 static inline void look_ahead(Part *a, const Component *c, int64_t newest) {
     const double *rows[LANES];
+    real stamps;
     for (int lane = 0; lane < LANES; lane++) {
         const int64_t k = a->at[lane], beyond = k + (k < newest);
-        rows[lane] = past(c, beyond, lane), LANE(a->next_stamp, lane) = stamp(c, beyond);
+        rows[lane] = past(c, beyond, lane), LANE(stamps, lane) = stamp(c, beyond);
     }
-    for (int64_t i = 0; i < c->n_inputs; i++) a->next[i] = gathered(rows, i);
+    a->next_stamp = stamps;
+    read_rows(rows, c->n_inputs, a->next);
 }
 
 /* Every lane looks for the last record whose stamp is at most its target: stamp and inputs of that. */
@@ -66,7 +81,7 @@ static real seek(Part *a, const Component *c, int64_t newest, real target, doubl
         a->at[lane] = k, a->known = a->known && k < newest;
         rows[lane] = past(c, k, lane), LANE(from, lane) = stamp(c, k);
     }
-    for (int64_t i = 0; i < c->n_inputs; i++) inputs[i] = gathered(rows, i);
+    read_rows(rows, c->n_inputs, inputs);
     look_ahead(a, c, newest);
     return from;
 }
@@ -93,12 +108,13 @@ static inline void read_delays(Part *a, const Component *c, int64_t done) {
 /* The ring of a lane. */
 typedef struct {
     double *numbers;
-    int64_t size, wrap, *first, *count; /* numbers of a packet, the last slot, the oldest packet, how many */
+    int64_t size, wrap, *first, *count; /* length of a packet's row, the last slot, the oldest packet, how many */
 } Packets;
 
 static inline Packets packets_of(Part *a, const Component *c, int lane) {
-    const int64_t size = 1 + c->n_inputs;
-    return (Packets){c->packets + lane * c->capacity * size, size, c->capacity - 1, a->first + lane, a->count + lane};
+    const int64_t size = FOURS(1 + c->n_inputs);
+    double *const numbers = c->packets + lane * LANE_STRIDE(c->capacity, 1 + c->n_inputs);
+    return (Packets){numbers, size, c->capacity - 1, a->first + lane, a->count + lane};
 }
 
 /* Packet i, counted from the oldest: its stamp, its inputs. */
@@ -136,14 +152,16 @@ static inline void receive(Part *a, const Component *c, int lane, double t, cons
 
 static inline void show_packets(const Component *c, const VariableDelayChannelModel *m, double t,
                                 const double *const *shown_now, const double *const *next, real *out) {
+    const int64_t n = c->n_inputs;
+    real now[CHANNEL_ROW], after[CHANNEL_ROW]; /* stamp, inputs */
+    read_rows(shown_now, 1 + n, now);
     if (!any(channel_lines(m->semantics, m->interpolation))) {
-        for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = gathered(shown_now, 1 + i);
+        for (int64_t i = 0; i < n; i++) out[shown(c->inputs[i])] = now[1 + i];
         return;
     }
-    const real from = gathered(shown_now, 0), after = gathered(next, 0);
-    const real part = channel_part(m->semantics, m->interpolation, t - from, after - from);
-    for (int64_t i = 0; i < c->n_inputs; i++)
-        out[shown(c->inputs[i])] = channel_between(gathered(shown_now, 1 + i), gathered(next, 1 + i), part);
+    read_rows(next, 1 + n, after);
+    const real part = channel_part(m->semantics, m->interpolation, t - now[0], after[0] - now[0]);
+    for (int64_t i = 0; i < n; i++) out[shown(c->inputs[i])] = channel_between(now[1 + i], after[1 + i], part);
 }
 
 static void step_packets(Part *a, const Component *component, int64_t done, double t, real *out) {
@@ -161,7 +179,7 @@ static void start_packets(Part *a, const Component *c) {
     for (int lane = 0; lane < LANES; lane++) {
         a->first[lane] = a->count[lane] = 0;
         send(a, c, lane, 0.0, 0.0);
-        c->packets[lane * c->capacity * (1 + c->n_inputs)] = CHANNEL_BEFORE;
+        c->packets[lane * LANE_STRIDE(c->capacity, 1 + c->n_inputs)] = CHANNEL_BEFORE;
         send(a, c, lane, 0.0, c->series[lane][0]);
     }
 }
@@ -171,7 +189,7 @@ static void start_packets(Part *a, const Component *c) {
 static void step_channel(Part *a, const Component *component, int64_t done, double t, double size, real *out) {
     const Component copy = *component, *c = &copy;
     const int64_t newest = a->head;
-    real before[CHANNEL_INPUTS];
+    real before[CHANNEL_ROW];
     enter(a, c, t);
     if (a->varies) read_delays(a, c, done + 1);
     const VariableDelayChannelModel *m = &a->model.channel;

@@ -163,11 +163,21 @@ static void prepare(Job *job, Part *work) {
 
 static void record(const Job *job, const int64_t *columns, int64_t done) {
     const int64_t n = job->n_columns;
-    for (int lane = 0; lane < LANES; lane++) {
-        if (job->outcome[lane]) continue;
-        double *row = job->table + (lane * job->rows + done / job->every) * n;
-        const real *store = job->store;
-        for (int64_t i = 0; i < n; i++) row[i] = LANE(store[columns[i]], lane);
+    const real *store = job->store;
+    double *rows[LANES];
+    for (int lane = 0; lane < LANES; lane++) rows[lane] = job->table + (lane * job->rows + done / job->every) * n;
+    if (n < 4) {
+        for (int64_t i = 0; i < n; i++)
+            for (int lane = 0; lane < LANES; lane++) rows[lane][i] = LANE(store[columns[i]], lane);
+        return;
+    }
+    for (int64_t i = 0; i < n; i += 4) {
+        const int64_t first = i < n - 4 ? i : n - 4; /* the last four may have some of those before among them */
+        const real v[4] = {store[columns[first]], store[columns[first + 1]], store[columns[first + 2]],
+                           store[columns[first + 3]]};
+        double *at[LANES];
+        for (int lane = 0; lane < LANES; lane++) at[lane] = rows[lane] + first;
+        to_rows(v, at);
     }
 }
 

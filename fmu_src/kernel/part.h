@@ -58,11 +58,11 @@ static const struct {
     FIELD(int64_t, n_starts) FIELD(const int64_t *, started) FIELD(const real *, starts) /* instead of the table's */ \
     FIELD(const double *const *, series) /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES][n + 1][n_outputs] */ \
     FIELD(const int64_t *, series_step)  /* [LANES] 1, or 0 where the series is one constant row */ \
-    FIELD(double *, history)  /* CHANNEL: [LANES][capacity][n_inputs], wired inputs only */ \
+    FIELD(double *, history)  /* CHANNEL: [LANES][capacity][n_inputs], wired inputs only, as rows.h has it */ \
     FIELD(double *, stamps)   /* CHANNEL: [capacity] */ \
     FIELD(int64_t, capacity)  /* a power of two, above the longest delay in steps + 4 */ \
     FIELD(const double *const *, lost) /* CHANNEL of packets: [LANES] at steps 0..n, 1 where the sample is lost; NULL: none */ \
-    FIELD(double *, packets)  /* CHANNEL of packets: [LANES][capacity][1 + n_inputs] stamp, inputs; NULL: time delays */
+    FIELD(double *, packets)  /* CHANNEL of packets: [LANES][capacity][1 + n_inputs], likewise: stamp, inputs; NULL: time delays */
 
 /* Wired inputs that follow one another, numbered by their value references: `n` from `to` on, held at as many places of the
  * store, or from there along lines through the places `older` and `newer`, `span` seconds apart. */
@@ -77,7 +77,7 @@ LAYOUT(Wire, WIRE)
 LAYOUT_SHOWN(Component, COMPONENT)
 LAYOUT_SHOWN(Wire, WIRE)
 
-enum { CHANNEL_INPUTS = 6 };
+enum { CHANNEL_ROW = 8 }; /* stamp and six inputs, in fours */
 
 /* A component at work, in all lanes. */
 typedef struct {
@@ -103,7 +103,7 @@ typedef struct {
     int64_t head;      /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
     int64_t at[LANES];
-    real delay, next_stamp, next[CHANNEL_INPUTS];
+    real delay, next_stamp, next[CHANNEL_ROW];
     int64_t first[LANES], count[LANES]; /* CHANNEL of packets: those that a lane's ring holds */
     int64_t known;                      /* CHANNEL: whether they are those of record at + 1 in every lane */
     int64_t varies;                     /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */

@@ -4,7 +4,6 @@ import os
 import re
 import sys
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from build_fmus.cache import cache_folder, key_of, one_at_a_time, store
@@ -40,6 +39,8 @@ def python_fmu(path: Path, progress: Callable[[str], None] | None = None) -> Pat
     if exporter is None or found is None:
         expected = "a class derived from Fmi2Slave of pythonfmu, or from Fmi3Slave of pythonfmu3"
         raise BadRequestError(f"{path}: expected {expected}, got none")
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         key = key_of(exporter, version(exporter), sys.version, str(path.resolve()), text)[:24]
     except PackageNotFoundError:

@@ -1,9 +1,10 @@
 """The C sources of a model as one flat folder: model, shared glue, FMI headers, generated table."""
 
 import importlib.util
+import os
 import re
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from build_fmus.errors import BadRequestError, BuildError, SourceError
@@ -13,6 +14,7 @@ GENERATED = "model_table.h"
 INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"', re.MULTILINE)
 
 
+@cache
 def source_root() -> Path:
     """The folder fmu_src, in a checkout beside this package and in a wheel likewise."""
     root = Path(__file__).resolve().parent.parent / "fmu_src"
@@ -23,7 +25,7 @@ def source_root() -> Path:
 
 def models() -> list[str]:
     """Names of the models: the folders of fmu_src with a table."""
-    return sorted(path.parent.name for path in source_root().glob("*/model.toml"))
+    return sorted(folder.name for folder in source_root().iterdir() if (folder / "model.toml").is_file())
 
 
 @lru_cache(maxsize=256)
@@ -76,7 +78,7 @@ def model_files(home: Path, fmi: int, extra: Mapping[str, bytes] | None = None) 
             files[name] = INCLUDE.sub(_flat, extra[name])
             continue
         path = _resolve(wanted, [folder, *folders])
-        if found.setdefault(name, path) != path:
+        if found.setdefault(name, path) != path and not found[name].samefile(path):
             raise SourceError(f"{home.name}: two source files share a name: {found[name]} and {path}")
         if name not in files:
             data = path.read_bytes()
@@ -87,8 +89,9 @@ def model_files(home: Path, fmi: int, extra: Mapping[str, bytes] | None = None) 
 
 def _resolve(wanted: str, folders: list[Path]) -> Path:
     for folder in folders:
-        if (folder / wanted).is_file():
-            return (folder / wanted).resolve()
+        path = Path(os.path.normpath(folder / wanted))
+        if path.is_file():
+            return path
     raise SourceError(f"{folders[0]}: the included file {wanted} is not there")
 
 

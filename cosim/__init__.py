@@ -12,6 +12,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError, Problem, RunError
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     from cosim.api.building import build
@@ -47,6 +48,7 @@ __all__ = [
     "StabilityResult",
     "SweepTable",
     "VerifiedCertificate",
+    "__version__",
     "build",
     "close_loop",
     "compare",

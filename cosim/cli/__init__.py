@@ -13,12 +13,12 @@ from functools import wraps
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
-import typer
-
 from build_fmus.interruption import INTERRUPTED, leave_when_told, stop_when_told
 from cosim.cli.streams import open_streams
+from cosim.version import __version__
 
 if TYPE_CHECKING:
+    import typer
     from typer.core import TyperCommand
 
 COMMANDS = {
@@ -76,10 +76,10 @@ def _run(arguments: Sequence[str]) -> None:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # numpy reads it; our matrices are small, a second thread only waits
-    gc.set_threshold(
-        10_000
-    )  # imports make many objects and no rubbish: looking for some takes a twentieth of a short command,
-    atexit.register(gc.freeze)  # and a tenth once more at its end
+    # imports, of typer for one, make many objects and no rubbish: looking for some takes a tenth of a short command,
+    gc.freeze()
+    gc.set_threshold(100_000)
+    atexit.register(gc.freeze)  # and as much once more at its end
     words = [*arguments]  # the command `list` hides the type of that name
     debug = "--debug" in words
     words = _repeated([word for word in words if word != "--debug"])
@@ -104,8 +104,10 @@ def _repeated(words: list[str]) -> list[str]:
     return result
 
 
-def _app(name: str | None, debug: bool) -> typer.Typer:
+def _app(name: str | None, debug: bool) -> "typer.Typer":
     """The typer app with the one command that was asked for, or with every command's one-line help."""
+    import typer
+
     app = typer.Typer(
         add_completion=name is None or "_COSIM_COMPLETE" in os.environ,
         pretty_exceptions_enable=False,
@@ -113,7 +115,7 @@ def _app(name: str | None, debug: bool) -> typer.Typer:
         rich_markup_mode=None,
         help="Co-simulation of haptic teleoperation. Every command: --help, --debug (show tracebacks).",
     )
-    app.callback()(_program)
+    app.callback()(_program())
     if name is None:
         for command, help_line in COMMANDS.items():
             app.command(command, help=help_line)(_nothing)
@@ -124,7 +126,9 @@ def _app(name: str | None, debug: bool) -> typer.Typer:
 
 def parsed_command(name: str) -> "TyperCommand":
     """A command with its arguments and options, as `--help` shows them."""
-    group: Any = typer.main.get_command(_app(name, debug=True))
+    from typer.main import get_command
+
+    group: Any = get_command(_app(name, debug=True))
     return group.commands[name]
 
 
@@ -132,21 +136,24 @@ def _nothing() -> None:
     """Stand in for a command whose module is not imported."""
 
 
-def _tell_version(wanted: bool) -> None:
-    if wanted:
-        print(_version())
-        raise typer.Exit
+def _program() -> Callable[..., None]:
+    """A function that stands for the options of the program itself."""
+    import typer
+
+    def tell_version(wanted: bool) -> None:
+        if wanted:
+            print(f"cosim {__version__}")
+            raise typer.Exit
+
+    shown = typer.Option("--version", "-V", help="Show the version and exit.", is_eager=True, callback=tell_version)
+
+    def program(version: Annotated[bool, shown] = False) -> None:
+        """Nothing but its options."""
+
+    return program
 
 
-def _program(
-    version: Annotated[
-        bool, typer.Option("--version", "-V", help="Show the version and exit.", is_eager=True, callback=_tell_version)
-    ] = False,
-) -> None:
-    """Stand for the options of the program itself."""
-
-
-def _register(app: typer.Typer, name: str, debug: bool) -> None:
+def _register(app: "typer.Typer", name: str, debug: bool) -> None:
     try:
         module = import_module(f"cosim.cli.{name.replace('-', '_')}")
     except ModuleNotFoundError as error:
@@ -212,9 +219,3 @@ def _leave(error: Exception, code: int, page: str = "commands") -> NoReturn:
     else:
         print(f"internal error: {type(error).__name__}: {error} (--debug shows where)", file=sys.stderr)
     sys.exit(code)
-
-
-def _version() -> str:
-    from importlib.metadata import version
-
-    return f"cosim {version('haptic-cosim')}"

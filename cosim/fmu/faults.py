@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cosim.errors import Problem
@@ -57,11 +57,13 @@ def _of_variable(v: Any, where: str) -> Iterator[Problem]:
     else:
         return
     starts = [] if v.start is None else str(v.start).split() if v.dimensions else [str(v.start)]
-    for key, texts in {"start": starts, **{key: _texts(v, key) for key in ("min", "max", "nominal")}}.items():
+    limits = {key: _texts(v, key) for key, _ in _LIMITS}
+    for key, texts in (("start", starts), *limits.items()):
         wrong = [text for text in texts if not fits(text)]
         if wrong:
             yield Problem(where, f"{key} to be {words}", repr(wrong[0][:80]))
-    yield from _of_limits(v, where)
+    if v.type != "Boolean" and any(limits.values()):
+        yield from _of_limits(limits, where)
     for dimension in v.dimensions or ():
         if dimension.start is not None and not (_is(int, str(dimension.start)) and int(dimension.start) >= 0):
             yield Problem(where, "a size of its dimension", repr(dimension.start))
@@ -69,11 +71,11 @@ def _of_variable(v: Any, where: str) -> Iterator[Problem]:
             yield Problem(where, "a size or a reference to one as its dimension", "both")
 
 
-def _of_limits(v: Any, where: str) -> Iterator[Problem]:
+def _of_limits(limits: Mapping[str, list[str]], where: str) -> Iterator[Problem]:
     """Problems of limits that no number lies between, and of ones that are no numbers."""
-    if v.type == "Boolean" or not all(_is(float, text) for key in ("min", "max", "nominal") for text in _texts(v, key)):
+    if not all(_is(float, text) for texts in limits.values() for text in texts):
         return
-    low, high, nominal = (float(next(iter(_texts(v, key)), other)) for key, other in _LIMITS)
+    low, high, nominal = (float(next(iter(limits[key]), other)) for key, other in _LIMITS)
     if math.isnan(nominal):
         yield Problem(where, "a number as nominal value", "NaN")
     if not low <= high:
@@ -81,8 +83,8 @@ def _of_limits(v: Any, where: str) -> Iterator[Problem]:
 
 
 def _texts(v: Any, key: str) -> list[str]:
-    values = (getattr(holder, key, None) for holder in (v, v.declaredType) if holder is not None)
-    return [str(value) for value in values if value]
+    own, declared = getattr(v, key, None), v.declaredType and getattr(v.declaredType, key, None)
+    return [str(value) for value in (own, declared) if value]
 
 
 def _of_items(kind: Any, where: str) -> Iterator[Problem]:

@@ -1,12 +1,12 @@
 """identification.json: the keys of CONTRACT.md and further ones."""
 
 import math
-from importlib.metadata import version
 from typing import Any
 
 from cosim.identification.essential import essential
 from cosim.identification.identification import Identification, unexcited
 from cosim.identification.idim import Idim, IdimFit
+from cosim.version import __version__
 
 
 def document(found: Identification, paper: Identification, idim: Idim | None = None) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def document(found: Identification, paper: Identification, idim: Idim | None = N
             "idim_ls": _idim(idim),
             "doubts": [doubt.to_dict() for doubt in found.doubts],
             "warnings": list(found.warnings),
-            "versions": {"cosim": version("haptic-cosim")},
+            "versions": {"cosim": __version__},
         }
     )
 

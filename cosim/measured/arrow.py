@@ -17,6 +17,8 @@ def arrow_values(column: "Array | ChunkedArray") -> np.ndarray:
     kind = column.type
     if types.is_integer(kind):
         return _whole(column)
+    if types.is_float64(kind) and not column.null_count:
+        return _as_they_lie(column)
     if types.is_floating(kind) or types.is_boolean(kind) or types.is_decimal(kind):
         return np.asarray(column.cast(float64()).to_numpy(), float)
     if types.is_timestamp(kind) or types.is_date(kind) or types.is_duration(kind) or types.is_time(kind):
@@ -34,10 +36,16 @@ def _word(value) -> str:
     return "" if value is None else str(value)
 
 
-def _whole(column) -> np.ndarray:
+def _as_they_lie(column: "Array | ChunkedArray") -> np.ndarray:
+    """Numbers without nulls, copied together; arrow's own way imports pandas, which takes half a second."""
+    chunks = getattr(column, "chunks", [column])
+    return np.concatenate([np.from_dlpack(chunk) for chunk in chunks if len(chunk)] or [np.empty(0)])
+
+
+def _whole(column: "Array | ChunkedArray") -> np.ndarray:
     """Integers as they are; with nulls as floats, long ones where the digits need it."""
     if not column.null_count:
-        return column.to_numpy()
+        return _as_they_lie(column)
     empty, filled = column.is_null().to_numpy(), column.fill_null(0).to_numpy()
     values = filled.astype(np.longdouble if np.abs(filled.astype(float)).max() > EXACT else float)
     values[empty] = np.nan

@@ -1,7 +1,5 @@
 """The report page of an identification: verdict, parameters, errors, figures, doubts."""
 
-from importlib.metadata import version
-
 import numpy as np
 
 from cosim.identification.document import verdict
@@ -11,6 +9,7 @@ from cosim.report import identify_figures as plots
 from cosim.report.data import doubt_table
 from cosim.report.html import Report, Section, Table
 from cosim.report.plots import Figure
+from cosim.version import __version__
 
 
 def page(found: Identification, paper: Identification, idim: Idim | None) -> Report:
@@ -21,7 +20,7 @@ def page(found: Identification, paper: Identification, idim: Idim | None) -> Rep
         "device": found.recording.device.word,
         "files": ", ".join(found.recording.files),
         "method": found.method.text(),
-        "cosim": version("haptic-cosim"),
+        "cosim": __version__,
     }
     return Report(f"Identification: {', '.join(joints)}", verdict(found), sections, provenance, _mood(found))
 

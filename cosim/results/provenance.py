@@ -3,22 +3,30 @@
 import platform
 import shlex
 import sys
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from cosim.engine.master import Result
 from cosim.scenario import to_toml
+from cosim.version import __version__
 
 
 def versions() -> dict[str, str]:
     """Versions of what computed a result."""
-    found = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in ("haptic-cosim", "fmpy", "numpy"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+    system = {"python": platform.python_version(), "platform": platform.platform()}
+    return system | {"haptic-cosim": __version__} | {package: _version(package) for package in ("fmpy", "numpy")}
+
+
+def _version(package: str) -> str:
+    """What is loaded knows its version; for what is not, the installed files are parsed, which takes longer."""
+    loaded = getattr(sys.modules.get(package), "__version__", None)
+    if loaded is not None:
+        return loaded
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def command_line() -> str:

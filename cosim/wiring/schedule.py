@@ -132,7 +132,7 @@ class Schedule:
         ]
         places = np.concatenate([*read, *(phase.record.source for phase in self.phases)])
         past = np.searchsorted(np.cumsum(self.count), places[places >= self.outputs] - self.outputs, side="right")
-        return tuple(np.unique(past).tolist())
+        return tuple(sorted(set(past.tolist())))
 
 
 @frozen

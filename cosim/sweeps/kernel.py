@@ -303,12 +303,12 @@ class _Call:
     def _job(self) -> NativeJob:
         schedule = self.wiring.schedule
         components = (NativeComponent * len(self.parts))(*[self._component(i) for i in range(len(self.parts))])
-        work = self.arena.aligned(np.zeros(len(self.parts) * int(_library().part_size()) // 8))
+        work = self.arena.zeros(len(self.parts) * int(_library().part_size()) // 8)
         return NativeJob(
             self.arena.structures(components),
             len(self.parts),
             self.layout.turns,
-            self.arena.aligned(np.zeros(2 * self.places.count * self.width)),
+            self.arena.zeros(2 * self.places.count * self.width),
             self.places.count,
             self.arena.array(self.table),
             self.rows,
@@ -355,9 +355,14 @@ class _Call:
     def _give_starts(self, native: NativeComponent, i: int) -> None:
         """Start values that any lane gives, of every lane."""
         parts = [setting.parts[i] for setting in self.filled]
-        names = list(dict.fromkeys(name for part in parts for name in part.starts))
+        names = list(parts[0].starts)
+        if all(list(part.starts) == names for part in parts):
+            rows = [list(part.starts.values()) for part in parts]
+        else:
+            names = list(dict.fromkeys(name for part in parts for name in part.starts))
+            rows = [[part.number(name) for name in names] for part in parts]
         native.n_starts, native.started = len(names), self.arena.indices(parts[0].places(names))
-        native.starts = self.arena.aligned(np.array([part.numbers(names) for part in parts]).T)
+        native.starts = self.arena.aligned(np.array(rows, dtype=float).T)
 
     def _series(self, i: int) -> list[np.ndarray]:
         """The series of every lane; empty where the component has none."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping
 from ctypes import POINTER, c_char_p, c_double, c_int64, c_void_p
+from functools import cache
 
 from cosim.engine.native import check_layout
 from cosim.sweeps.lane import COURSE, HELD
@@ -139,6 +140,7 @@ def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     return library
 
 
+@cache
 def kinds(library: ctypes.CDLL) -> Mapping[str, int]:
     """The kernel's numbers of its models; "" is a series."""
     found: dict[str, int] = {}

@@ -22,22 +22,12 @@ static inline double *past(const Component *c, int64_t k, int lane) {
 static inline void enter(Part *a, const Component *c, double stamp) {
     const int64_t k = a->head++;
     c->stamps[k & (c->capacity - 1)] = stamp;
-    for (int64_t i = 0; i < c->n_inputs; i += 4) {
-        double *rows[LANES];
-        real v[4];
-        for (int lane = 0; lane < LANES; lane++) rows[lane] = past(c, k, lane) + i;
-        for (int64_t j = 0; j < 4; j++) v[j] = i + j < c->n_inputs ? values_of(a)[c->inputs[i + j]] : real_of(0.0);
-        to_rows(v, rows);
-    }
-}
-
-/* The numbers of each lane's row, in whole fours. */
-static inline void read_rows(const double *const *rows, int64_t n, real *numbers) {
-    for (int64_t i = 0; i < n; i += 4) {
-        const double *at[LANES];
-        for (int lane = 0; lane < LANES; lane++) at[lane] = rows[lane] + i;
-        from_rows(at, numbers + i);
-    }
+    double *rows[LANES];
+    real numbers[CHANNEL_ROW];
+    for (int lane = 0; lane < LANES; lane++) rows[lane] = past(c, k, lane);
+    for (int64_t i = 0; i < c->n_inputs; i++) numbers[i] = values_of(a)[c->inputs[i]];
+    for (int64_t i = c->n_inputs; i < CHANNEL_ROW; i++) numbers[i] = real_of(0.0);
+    write_rows(numbers, c->n_inputs, rows);
 }
 
 static inline double stamp(const Component *c, int64_t k) {
@@ -122,22 +112,40 @@ static inline double *packet(const Packets *p, int64_t i) {
     return p->numbers + ((*p->first + i) & p->wrap) * p->size;
 }
 
-/* A sample of time t joins a lane's ring, as shared/channel.h has it. */
-static inline void send(Part *a, const Component *c, int lane, double t, double delay) {
-    const Packets p = packets_of(a, c, lane);
-    const double semantics = LANE(a->model.channel.semantics, lane);
-    double stamp = arrival_of(t, delay);
-    int64_t n = *p.count;
-    if (semantics == (double)SEMANTICS_TRANSPORT_DELAY && n > 0 && packet(&p, n - 1)[0] > stamp)
-        stamp = packet(&p, n - 1)[0];
+/* When samples of time t arrive, as shared/delay_law.h has it. */
+static inline real arrivals(double t, const double *delays) {
+    real delay;
+    for (int lane = 0; lane < LANES; lane++) LANE(delay, lane) = delays[lane];
+    return real_floor((t + delay) * 1e9 + 0.5) * 1e-9;
+}
+
+/* Room for a sample in a lane's ring, as shared/channel.h has it; *stamp: of its arrival, then its place in the ring. */
+static inline double *room(const Packets *p, double semantics, double *stamp) {
+    int64_t n = *p->count;
+    if (semantics == (double)SEMANTICS_TRANSPORT_DELAY && n > 0 && packet(p, n - 1)[0] > *stamp)
+        *stamp = packet(p, n - 1)[0];
     if (semantics == (double)SEMANTICS_NEWEST_PACKET)
-        while (n > 1 && packet(&p, n - 1)[0] >= stamp) n--;
-    *p.count = n + 1;
-    for (; n > 0 && packet(&p, n - 1)[0] > stamp; n--)
-        memcpy(packet(&p, n), packet(&p, n - 1), (size_t)p.size * sizeof(double));
-    double *sent = packet(&p, n);
-    sent[0] = stamp;
-    for (int64_t i = 0; i < c->n_inputs; i++) sent[1 + i] = LANE(values_of(a)[c->inputs[i]], lane);
+        while (n > 1 && packet(p, n - 1)[0] >= *stamp) n--;
+    *p->count = n + 1;
+    for (; n > 0 && packet(p, n - 1)[0] > *stamp; n--)
+        memcpy(packet(p, n), packet(p, n - 1), (size_t)p->size * sizeof(double));
+    return packet(p, n);
+}
+
+/* Samples of time t join the rings of lanes; `lost`: [LANES], those that do not. */
+static inline void send(Part *a, const Component *c, double t, const double *delays, const int *lost) {
+    const real semantics = a->model.channel.semantics, arrival = arrivals(t, delays);
+    double *rows[LANES], stamps[LANES];
+    real numbers[CHANNEL_ROW];
+    for (int lane = 0; lane < LANES; lane++) {
+        const Packets p = packets_of(a, c, lane);
+        stamps[lane] = LANE(arrival, lane);
+        rows[lane] = lost[lane] ? a->spare : room(&p, LANE(semantics, lane), stamps + lane);
+    }
+    for (int lane = 0; lane < LANES; lane++) LANE(numbers[0], lane) = stamps[lane];
+    for (int64_t i = 0; i < c->n_inputs; i++) numbers[1 + i] = values_of(a)[c->inputs[i]];
+    for (int64_t i = 1 + c->n_inputs; i < CHANNEL_ROW; i++) numbers[i] = real_of(0.0);
+    write_rows(numbers, 1 + c->n_inputs, rows);
 }
 
 /* The last packet that has arrived, those before it dropped, and the one behind it (itself, where there is none). */
@@ -167,21 +175,25 @@ static inline void show_packets(const Component *c, const VariableDelayChannelMo
 static void step_packets(Part *a, const Component *component, int64_t done, double t, real *out) {
     const Component copy = *component, *c = &copy;
     const double *now[LANES], *next[LANES];
+    double delays[LANES];
+    int lost[LANES];
     for (int lane = 0; lane < LANES; lane++) {
-        const double delay = c->series[lane][(done + 1) * c->series_step[lane]];
-        if (!c->lost || c->lost[lane][done + 1] == 0.0) send(a, c, lane, t, delay);
-        receive(a, c, lane, t, now + lane, next + lane);
+        delays[lane] = c->series[lane][(done + 1) * c->series_step[lane]];
+        lost[lane] = c->lost && c->lost[lane][done + 1] != 0.0;
     }
+    send(a, c, t, delays, lost);
+    for (int lane = 0; lane < LANES; lane++) receive(a, c, lane, t, now + lane, next + lane);
     show_packets(c, &a->model.channel, t, now, next, out);
 }
 
 static void start_packets(Part *a, const Component *c) {
-    for (int lane = 0; lane < LANES; lane++) {
-        a->first[lane] = a->count[lane] = 0;
-        send(a, c, lane, 0.0, 0.0);
-        c->packets[lane * LANE_STRIDE(c->capacity, 1 + c->n_inputs)] = CHANNEL_BEFORE;
-        send(a, c, lane, 0.0, c->series[lane][0]);
-    }
+    const double none[LANES] = {0.0};
+    const int lost[LANES] = {0};
+    double delays[LANES];
+    for (int lane = 0; lane < LANES; lane++) a->first[lane] = a->count[lane] = 0, delays[lane] = c->series[lane][0];
+    send(a, c, 0.0, none, lost);
+    for (int lane = 0; lane < LANES; lane++) packets_of(a, c, lane).numbers[0] = CHANNEL_BEFORE;
+    send(a, c, 0.0, delays, lost);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------ */

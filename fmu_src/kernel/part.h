@@ -105,6 +105,7 @@ typedef struct {
     int64_t at[LANES];
     real delay, next_stamp, next[CHANNEL_ROW];
     int64_t first[LANES], count[LANES]; /* CHANNEL of packets: those that a lane's ring holds */
+    double spare[CHANNEL_ROW];          /* CHANNEL of packets: where lost ones are written */
     int64_t known;                      /* CHANNEL: whether they are those of record at + 1 in every lane */
     int64_t varies;                     /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */
     int64_t alike;                      /* SERIES: whether all lanes have the same numbers */

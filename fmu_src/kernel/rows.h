@@ -91,4 +91,21 @@ static inline void to_rows(const real numbers[4], double *const *rows) {
 
 #endif
 
+/* The numbers of each lane's row, in whole fours. */
+static inline void read_rows(const double *const *rows, int64_t n, real *numbers) {
+    for (int64_t i = 0; i < n; i += 4) {
+        const double *at[LANES];
+        for (int lane = 0; lane < LANES; lane++) at[lane] = rows[lane] + i;
+        from_rows(at, numbers + i);
+    }
+}
+
+static inline void write_rows(const real *numbers, int64_t n, double *const *rows) {
+    for (int64_t i = 0; i < n; i += 4) {
+        double *at[LANES];
+        for (int lane = 0; lane < LANES; lane++) at[lane] = rows[lane] + i;
+        to_rows(numbers + i, at);
+    }
+}
+
 #endif

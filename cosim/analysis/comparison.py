@@ -1,7 +1,7 @@
 """What theory says of a loop beside what its simulation shows."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -64,10 +64,13 @@ def _still(scenario: Scenario, system: FmuSet, loop: LinearLoop) -> Wiring:
 
 @frozen
 class Comparison:
-    """All that `cosim stability` found: theory at the pose, largest constant delay, margins, ports, the simulation."""
+    """All that `cosim stability` found: theory at the pose, margins, ports, the simulation.
+
+    limit: finds the largest constant delay, which takes longer than all else where a loop is a map of its FMUs.
+    """
 
     theory: Theory
-    max_delay: float | None
+    limit: Callable[[], float | None] = field(repr=False)
     margins: Margins | None
     ports: Mapping[str, PortPassivity]
     judged: Judged
@@ -76,6 +79,11 @@ class Comparison:
     stepped: Stepped | None = field(default=None, repr=False)
     any_delay: AnyDelay | None = field(default=None, repr=False)
     falsification: Falsification | None = field(default=None, repr=False)
+
+    @property
+    def max_delay(self) -> float | None:
+        """Largest constant delay each way [s] by the spectrum, found when it is first asked for; None: not known."""
+        return self.limit()
 
     @property
     def evidence(self) -> StabilityEvidence:
@@ -124,16 +132,22 @@ def compare(
     looked = called(partial(_looked, scenario, system), _Looked, scenario, system, "the loop was linearised")
     loop = looked.loop
     said = theory(wiring, loop, looked.coupled, looked.stepped, looked.prediction)
-    margin = _margin(said, loop, looked.stepped, _still(scenario, system, loop))
+    still = _still(scenario, system, loop)
+    margin = _margin(said, loop, looked.stepped, still)
     if margin is not None:
         said = evolve(said, withheld={key: why for key, why in said.withheld.items() if key != "margin"})
-    limit = None
-    if said.abscissa is not None:
-        limit = looked.stepped.max_delay(_still(scenario, system, loop)) if loop.unseen else boundary(loop)
+    limit = cache(partial(_limit, said, loop, looked.stepped, still))
     asked = scenario if scenario.experiment.disturb else scenario.with_values({"experiment.disturb": True})
     judged = judged_run(asked, system, progress, simulate=runner(scenario))
     ages = {"lr": wiring.age_lr, "rl": wiring.age_rl, "local_l": wiring.age_local[0], "local_r": wiring.age_local[1]}
     return Comparison(said, limit, margin, plant_ports(loop, said.pair), judged, ages, loop.fmus, looked.stepped), loop
+
+
+def _limit(said: Theory, loop: LinearLoop, discrete: Stepped, still: Wiring) -> float | None:
+    """The largest constant delay each way [s]."""
+    if said.abscissa is None:
+        return None
+    return discrete.max_delay(still) if loop.unseen else boundary(loop)
 
 
 def _margin(said: Theory, loop: LinearLoop, discrete: Stepped, wiring: Wiring) -> Margins | None:

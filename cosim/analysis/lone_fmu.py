@@ -39,7 +39,8 @@ class LoneFmu:
     def respond(self, added: np.ndarray, slopes: np.ndarray | None = None) -> np.ndarray:
         """Outputs after each of n steps with the inputs base + added[k], shape (n, p); slopes (n, sloped) or zero.
 
-        Raises RunError where the FMU fails or asks to end.
+        Inputs are set where they change; between, an FMU keeps what it was given. Raises RunError where the FMU fails
+        or asks to end.
         """
         one = self.instance
         one.slopes[:] = 0.0
@@ -48,16 +49,30 @@ class LoneFmu:
         one.set()
         one.begin()
         found = np.empty((len(added), len(one.outputs)))
+        moved = _moved(added, slopes)
         for k, row in enumerate(added):
-            one.inputs[:] = self.base + row
-            if slopes is not None:
-                one.slopes[:] = slopes[k]
-            one.set()
+            if moved[k]:
+                one.inputs[:] = self.base + row
+                if slopes is not None:
+                    one.slopes[:] = slopes[k]
+                one.set()
             if not one.step(seconds(k, self.step_ns), self.step):
                 raise RunError(one.name, seconds(k, self.step_ns), "asks to end the run")
             one.get()
             found[k] = one.outputs
         return found
+
+
+def _moved(added: np.ndarray, slopes: np.ndarray | None) -> np.ndarray:
+    """Before which of n steps inputs have to be set: the first, and where they or slopes differ from before or are on a
+    line.
+    """
+    moved = np.ones(len(added), dtype=bool)
+    moved[1:] = np.any(added[1:] != added[:-1], axis=1)
+    if slopes is not None:
+        sloped = np.any(slopes != 0.0, axis=1)
+        moved[1:] |= sloped[1:] | sloped[:-1]
+    return moved
 
 
 def lone(wiring: Wiring, instances: Sequence[Instance], store: np.ndarray) -> dict[str, LoneFmu]:

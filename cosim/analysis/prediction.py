@@ -5,8 +5,9 @@ from attrs import frozen
 
 from cosim.analysis.examination import Examined
 from cosim.analysis.step_loop import StepLoop
+from cosim.engine.compiled import CompiledExecutor
 from cosim.engine.initialisation import initialise
-from cosim.engine.reference import Execution, Watch, execute
+from cosim.engine.reference import Execution, Watch
 from cosim.errors import RunError
 from cosim.signals import is_real, stem
 from cosim.wiring import Wiring
@@ -67,7 +68,7 @@ def _run(found: Examined, kick: np.ndarray, steps: int) -> np.ndarray:
     n = wiring.schedule.outputs
     table = np.zeros((steps + 1, n))
     job = Execution(wiring.schedule, instances, store, table, np.arange(n), 1, steps, Watch((), np.full(n, np.inf)))
-    ending = execute(job)
+    ending = CompiledExecutor()(job, None)
     if ending.failure is not None:
         raise ending.failure
     if ending.steps < steps:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cosim
+from cosim.analysis.evidence import UNSTABLE
 from cosim.scenario import Scenario
 from tests.support.own_fmus import own_loop, remembering_controller, static_controller
 
@@ -42,13 +43,12 @@ def random_loop(seed: int) -> Scenario:
 
 def contradiction(seed: int) -> str:
     """What contradicts what in the loop of a seed; empty where nothing does."""
-    found = cosim.stability(random_loop(seed)).to_dict()
-    grown = found["simulation"]["growth_rate"]
-    grows = found["simulation"]["outcome"] in ("growing", "diverged", "limit_cycle") and (grown or 1.0) > CLEAR
-    given = [key for key in ("delay_sum", "known_mass") if (found[key] or {}).get("holds")]
-    rate = found["spectrum"]["abscissa"]
-    if rate is not None and rate < -CLEAR:
-        given.append(f"spectrum {rate:+.3f} 1/s")
+    found = cosim.stability(random_loop(seed)).comparison
+    theory, grown = found.theory, found.judged.growth_rate
+    grows = found.judged.outcome in UNSTABLE and (grown or 1.0) > CLEAR
+    given = [name for name, holds in (("delay_sum", theory.any_mass), ("known_mass", theory.known_mass)) if holds]
+    if theory.abscissa is not None and theory.abscissa < -CLEAR:
+        given.append(f"spectrum {theory.abscissa:+.3f} 1/s")
     return f"seed {seed}: {given} and growth {grown}" if grows and given else ""
 
 

@@ -99,6 +99,7 @@ def _closed(recording: Recording, options: Options) -> Closure:
     progress("searching for missing effects")
     found = search(before, options.effects, options.most, progress)
     verdict = judge(found, options.effects, progress)
+    before.formed.forget()
     unseen = hidden(motion, rows)
     if unseen and verdict.answer is Answer.COMPLETE:
         return _refused(recording, unseen, before)

@@ -351,5 +351,6 @@ def _memories(scene: Scene, joint: int) -> np.ndarray:
 def _links(scene: Scene, joint: int) -> np.ndarray:
     springs = [(w, z, USUAL_SHARE) for w, z in LINKS]
     gaps = [(w, 0.3, USUAL_SHARE, float(gap * scene.angle_range(joint))) for w in (90.0, 300.0) for gap in GAPS]
-    found = behind(scene, joint, (*springs, *gaps))
-    return np.concatenate([columns[joint][:, :1] for columns in found], axis=1)
+    parts = (springs[:3], springs[3:], gaps)  # not all at once, to limit memory
+    found = [columns[joint][:, :1].copy() for part in parts for columns in behind(scene, joint, part)]
+    return np.concatenate(found, axis=1)

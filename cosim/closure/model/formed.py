@@ -1,6 +1,7 @@
 """Columns that do not depend on the fit: formed once for a setting and shared by all models of it."""
 
 from collections.abc import Hashable
+from typing import Any
 
 import numpy as np
 from attrs import define, field
@@ -11,20 +12,36 @@ from cosim.effects.actuator import Erasing
 from cosim.effects.motion import Columns
 
 Kept = dict[Hashable, np.ndarray]
+BASES = 4  # kept of each joint: with and without the tangent, of the model before and of the one at hand
 
 
 @define(eq=False)
 class FormedColumns:
     """Filtered columns of one setting, by what they are formed from: of the complete model (base), of smooth signs, of
-    effects (static), of whole grids of effects (grids).
+    effects (static), of whole grids of effects and of families, for the fitted rows and as they were formed last
+    (grids).
     """
 
     setting: Setting
     base: Kept = field(factory=dict, init=False, repr=False)
     signs: Kept = field(factory=dict, init=False, repr=False)
     static: dict[Hashable, Columns] = field(factory=dict, init=False, repr=False)
-    grids: dict[Hashable, object] = field(factory=dict, init=False, repr=False)
+    grids: dict[Hashable, tuple[Hashable, Any]] = field(factory=dict, init=False, repr=False)
     _erased: dict[Hashable, tuple[np.ndarray, np.ndarray]] = field(factory=dict, init=False, repr=False)
+
+    def keep_base(self, key: Hashable, columns: np.ndarray) -> None:
+        """Keep columns of the complete model, and let the oldest go where there are many: each search for a friction
+        law leaves some that no model has any more.
+        """
+        self.base[key] = columns
+        while len(self.base) > BASES * self.setting.joints:
+            del self.base[next(iter(self.base))]
+
+    def forget(self) -> None:
+        """Let go what would only save time in another search."""
+        self.base.clear()
+        self.signs.clear()
+        self.grids.clear()
 
     def erased(self, joint: int, choices: tuple[ChosenEffect, ...]) -> tuple[np.ndarray, np.ndarray]:
         """The torque (m,) of a joint that is not delivered, filtered, and the share (m,) of each row's kernel whose

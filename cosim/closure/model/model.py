@@ -64,7 +64,7 @@ class Model:
     def _base(self, joint: int) -> np.ndarray:
         key = joint, self.laws[joint], self.late(joint), self.tangents
         if key not in self.formed.base:
-            self.formed.base[key] = self._base_of(joint)
+            self.formed.keep_base(key, self._base_of(joint))
         return self.formed.base[key]
 
     def _base_of(self, joint: int) -> np.ndarray:
@@ -116,14 +116,17 @@ class Model:
         if isinstance(choice.effect, Late | Erasing):
             return {j: np.zeros((len(self.setting.rows.index), 0)) for j in choice.joints}
         scene = scene or self.seen or self.scene
+        if choice.effect.dynamic:
+            return self.formed_now(choice, scene)
         key = choice.effect.key, choice.joints, choice.theta, self.laws, tuple(map(self.late, choice.joints))
-        if not choice.effect.dynamic and key in self.formed.static:
-            return self.formed.static[key]
+        if key not in self.formed.static:
+            self.formed.static[key] = self.formed_now(choice, scene)
+        return self.formed.static[key]
+
+    def formed_now(self, choice: ChosenEffect, scene: Scene) -> Columns:
+        """As `columns_of`, for an effect with columns of its own, and kept nowhere: one of many that are tried."""
         full = choice.effect.columns(scene, choice.joints, choice.theta)
-        out = {j: self.passed(values, choice.effect.sharp, j) for j, values in full.items()}
-        if not choice.effect.dynamic:
-            self.formed.static[key] = out
-        return out
+        return {j: self.passed(values, choice.effect.sharp, j) for j, values in full.items()}
 
     @cached_property
     def delivered(self) -> tuple[np.ndarray, np.ndarray]:
@@ -159,13 +162,15 @@ class Model:
     @cached_property
     def unweighted(self) -> np.ndarray:
         """Design (J, m, p) of all rows."""
+        if not self.choices:
+            return self.base
         return np.concatenate([self.base, *(spread(c, self.setting) for c in self.columns)], axis=2)
 
     def design_of(self, joint: int) -> np.ndarray:
-        """Design (m, p) of one joint."""
+        """Design (m, p) of one joint, formed anew: for one of many lags or delays that are tried."""
         none = len(self.setting.rows.index)
         parts = (c.get(joint, np.zeros((none, _width(c)))) for c in self.columns)
-        return np.concatenate([self._base(joint), *parts], axis=1)
+        return np.concatenate([self._base_of(joint), *parts], axis=1)
 
     @cached_property
     def gram(self) -> Gram:

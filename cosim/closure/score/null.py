@@ -10,7 +10,7 @@ near normal (Wilson, Hilferty 1931); each is standardised by its own replicates,
 (Gumbel) of the largest of the whole library in a replicate. `Screened.clear` holds where a gain passes it.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -30,7 +30,10 @@ from cosim.effects.motion import Columns, Joints, Theta
 REPLICATES = 79
 PIECES = 100  # of a recording, whose residuals get a sign of their own
 SHORTEST = 8  # rows (filter widths) of a piece
-CHUNK = 24  # values of nonlinear parameters whose columns are formed at once, to limit memory
+CHUNK = (
+    24  # values of nonlinear parameters whose columns are formed at once; of a long recording fewer, to limit memory
+)
+FEWEST, ROWS = 4, 100_000  # of them at least; rows up to which it is so many
 WITHIN = 1e-5  # a column of which the model leaves a smaller share lies within the model
 NEGLIGIBLE = 1e-5  # directions of columns with a smaller share of the largest carry rounding only
 RIDGE = 1e-8  # of the scaled diagonal
@@ -259,7 +262,8 @@ class Screen:
         """The screen whose replicates are made of what a law leaves, in the place of what the model leaves: where an
         effect is there, its pieces are no noise.
         """
-        columns = dict(self._grid(x.choice.effect, x.choice.joints, [x.choice.theta]))[x.choice.theta]
+        thetas = x.choice.effect.grid(self.model.scene, x.choice.joints)
+        columns = dict(self._grid(x.choice.effect, x.choice.joints, thetas))[x.choice.theta]
         found, left = self.added(columns, x.choice.effect), self.e[..., 0].copy()
         assert found is not None, "it was screened"
         for j in range(len(left)):
@@ -341,10 +345,13 @@ class Screen:
     def family(self, kind: Family, joint: int) -> Screened | None:
         """A nameless function on a joint."""
         choice = ChosenEffect(kind, (joint,))
-        if choice.key not in self.columns:
-            columns = self.model.columns_of(choice, self.model.scene)
-            self.columns[choice.key] = {joint: columns[joint][self.fitted]}
-        found = self.added(self.columns[choice.key], kind)
+        model = self.model
+
+        def formed() -> Columns:
+            return {joint: model.formed_now(choice, model.scene)[joint][self.fitted]}
+
+        columns = self._formed_once(choice.key, kind.dynamic, (model.laws, model.late(joint)), formed)
+        found = self.added(columns, kind)
         if found is None:
             return None
         gain = found.nats(np.arange(1 + self.replicates))
@@ -356,21 +363,33 @@ class Screen:
         """
         model = self.model
         links = effect.smooths  # simulated links hardly change from one fit to the next: their torque is the arm's
-        known: dict[Any, Any] = self.columns if effect.dynamic and not links else model.formed.grids
-        key = effect.key, joints, () if links else model.laws, tuple(map(model.late, joints))
-        if key not in known:
-            known[key] = out = []
-            for start in range(0, len(thetas), CHUNK):
-                part = thetas[start : start + CHUNK]
+        origin = () if links else model.laws, tuple(map(model.late, joints))
+        chunk = int(np.clip(CHUNK * ROWS // len(model.setting.motion.time), FEWEST, CHUNK))
+
+        def formed() -> list[tuple[Theta, Columns]]:
+            out = []
+            for start in range(0, len(thetas), chunk):
+                part = thetas[start : start + chunk]
                 full = effect.columns_of_all(model.scene, joints, part)
                 stacked = {j: np.concatenate([c[j] for c in full], axis=1) for j in full[0]}
-                thin = {j: model.passed(x, effect.sharp, j)[self.fitted] for j, x in stacked.items()}
                 edges = np.cumsum([0, *(next(iter(c.values())).shape[1] for c in full)])
+                del full
+                thin = {j: model.passed(x, effect.sharp, j)[self.fitted] for j, x in stacked.items()}
                 out += [
                     (t, {j: x[:, a:b] for j, x in thin.items()})
                     for t, a, b in zip(part, edges, edges[1:], strict=False)
                 ]
-        return known[key]
+            return out
+
+        return self._formed_once((effect.key, joints), effect.dynamic and not links, origin, formed)
+
+    def _formed_once(self, key: Hashable, own: bool, origin: Hashable, formed: Callable[[], Any]) -> Any:
+        """Columns formed the first time: for this model alone, or for all until they are formed of another origin."""
+        known: dict[Any, Any] = self.columns if own else self.model.formed.grids
+        if key not in known or known[key][0] != origin:
+            known.pop(key, None)  # it goes before another takes its place
+            known[key] = origin, formed()
+        return known[key][1]
 
     def of_noise(self, choice: ChosenEffect, gain: float) -> bool:
         """Whether an effect that smooths the prediction explains no more than the noise of an encoder may let it."""

@@ -208,7 +208,7 @@ def _simplex(screened: Screened, free: tuple[int, ...]) -> ChosenEffect:
         for index, step in zip(free, np.clip(x, -REACH, REACH), strict=True):
             theta = effect.moved(theta, index, float(step))
         trial = evolve(choice, theta=theta)
-        columns = screen.model.columns_of(trial, screen.model.scene)
+        columns = screen.model.formed_now(trial, screen.model.scene)
         found = screen.added({j: x[screen.fitted] for j, x in columns.items()}, effect)
         if found is None or screen.why_not(trial, found.beta[:, 0]):
             return 0.0

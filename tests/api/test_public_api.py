@@ -52,12 +52,17 @@ def test_a_function_can_be_sent_to_another_process():
     assert pickle.loads(pickle.dumps(cosim.run)) is cosim.run and cosim.run.__name__ == "run"
 
 
-def test_a_page_of_python_does_what_the_commands_do(tmp_path):
+@pytest.fixture(scope="module")
+def ladder():
+    return cosim.sweep("gain-ladder", workers=2)
+
+
+def test_a_page_of_python_does_what_the_commands_do(ladder, tmp_path):
     scenario = cosim.load("sallam-nodelay").with_values(SHORT)
     result = cosim.run(scenario)
     tips, frame = result["arm_l.x"], result.to_dataframe()
     stability = cosim.stability(scenario).to_dict()
-    table = cosim.sweep("gain-ladder", workers=2).to_dataframe()
+    table = ladder.to_dataframe()
     recording = cosim.read(STAUBLI)
     identification = cosim.identify(recording)
     closure = cosim.close_loop(recording, replay=False)
@@ -180,12 +185,11 @@ def test_stability_prints_and_writes_what_the_call_returns(tmp_path, capsys):
     assert json.loads((tmp_path / "stability.json").read_text()) == json.loads(json.dumps(found.to_dict()))
 
 
-def test_a_sweep_prints_and_writes_what_the_call_returns(tmp_path, capsys):
-    said = command(capsys, "sweep", "gain-ladder", "--workers", "1", "--no-report", "--out", tmp_path)
-    table = cosim.sweep("gain-ladder", workers=1)
+def test_a_sweep_prints_and_writes_what_the_call_returns(ladder, tmp_path, capsys):
+    said = command(capsys, "sweep", "gain-ladder", "--workers", "2", "--no-report", "--out", tmp_path)
     written = read_table(tmp_path / "sweep.h5")
-    assert {name: list(values) for name, values in table.columns.items()} == written
-    assert said.splitlines()[:2] == str(table).splitlines()[:2]
+    assert {name: list(values) for name, values in ladder.columns.items()} == written
+    assert said.splitlines()[:2] == str(ladder).splitlines()[:2]
 
 
 def test_identify_and_close_loop_print_and_write_what_the_calls_return(tmp_path, capsys):

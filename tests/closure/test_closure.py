@@ -403,7 +403,7 @@ RIGS = {
 @pytest.fixture(scope="module")
 def rigs():
     """Recordings of both, in one batch, which costs as much as one of them."""
-    recorded = record([case.plant for case, _ in RIGS.values()], [setting for _, setting in RIGS.values()], 30.0)
+    recorded = record([case.plant for case, _ in RIGS.values()], [setting for _, setting in RIGS.values()], 20.0)
     return {name: (run, case) for (name, (case, _)), run in zip(RIGS.items(), recorded, strict=True)}
 
 

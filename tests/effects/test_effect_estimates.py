@@ -2,6 +2,8 @@
 written here.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -62,11 +64,17 @@ def dead(time, q, dq, tau):
     return np.sign(tau) * DEAD * (0, 0, 1)
 
 
-def recorded(effect, seconds=30.0):
+@cache
+def plain(seconds):
+    """time, q, dq and the torque of the arm without an effect."""
     time = np.arange(0, seconds, 1e-3)
     q, dq, ddq = motion(time)
     rigid = np.array([oracle.mass(x) @ a + oracle.bias(x, v) for x, v, a in zip(q, dq, ddq, strict=True)])
-    tau = rigid + friction(dq)
+    return time, q, dq, rigid + friction(dq)
+
+
+def recorded(effect, seconds=30.0):
+    time, q, dq, tau = plain(seconds)
     tau = tau + effect(time, q, dq, tau) + 1e-3 * np.random.default_rng(1).standard_normal(tau.shape)
     return Recording(RecordingDescription(), (Run("prescribed", time, q, tau, time >= seconds / 2),))
 
@@ -160,27 +168,27 @@ def test_a_wall_acts_on_the_joints_that_feel_it():
 @pytest.mark.parametrize("law", [whole_range, eddy])
 def test_a_curve_over_all_speeds_is_no_sure_stribeck(law):
     """A friction curve is needed; where the closest law is told beside it, its level is that of the family."""
-    verdict = close_loop(recorded(law), Options(replayed=False)).verdict
+    verdict = close_loop(recorded(law, 20.0), Options(replayed=False)).verdict
     assert all(f.level == "family" and "unknown" in f.aliases for f in verdict.findings)
     assert verdict.leftovers[0].signals == ("dq1",)
 
 
 def test_a_curve_whose_end_is_hardly_seen_is_still_one_of_the_low_speeds():
     """It does as well as any friction curve over the speeds that are there."""
-    (found,) = close_loop(recorded(half_range), Options(replayed=False)).verdict.findings
+    (found,) = close_loop(recorded(half_range, 20.0), Options(replayed=False)).verdict.findings
     assert (found.name, found.joints) == ("stribeck", (1,))
 
 
 def test_a_drag_of_another_power_is_no_sure_quadratic_one():
     """By the cube of the speed: a friction curve does better than the square; a true square needs no other."""
-    cube, plain = (close_loop(recorded(law), Options(replayed=False)).verdict for law in (windage, square))
+    cube, plain = (close_loop(recorded(law, 20.0), Options(replayed=False)).verdict for law in (windage, square))
     assert all("unknown" in f.aliases for f in cube.findings)
     assert "dq1" in cube.leftovers[0].signals
     assert [(f.name, f.doubts) for f in plain.findings] == [("quadratic_drag", ())]
 
 
 def test_a_curve_of_the_low_speeds_is_called_stribeck_for_sure():
-    verdict = close_loop(recorded(low_speed), Options(replayed=False)).verdict
+    verdict = close_loop(recorded(low_speed, 20.0), Options(replayed=False)).verdict
     assert [(f.name, f.joints) for f in verdict.findings] == [("stribeck", (1,))]
     assert "unknown" not in verdict.findings[0].aliases
 

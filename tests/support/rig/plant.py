@@ -235,19 +235,13 @@ def resisting(b, q, w, t, slip, drive):
     if a["ripple"]:
         out = out + b.ripple * np.sin(b.ripple_order * q + b.ripple_phase)
     if a["presliding"]:
-        out = out + b.presliding * slip.mean(axis=0)
+        out = out + b.presliding * (np.add.reduce(slip, axis=0) / ELEMENTS)
     if a["drag"]:
         out = out + b.drag * w * np.abs(w)
     if a["couple_viscous"] or a["couple_coulomb"] or a["couple_spring"]:
-        for i in range(3):
-            for j in range(3):
-                k = 3 * i + j
-                out[i] = (
-                    out[i]
-                    + b.couple_viscous[k] * w[j]
-                    + b.couple_coulomb[k] * np.tanh(w[j] / 0.01)
-                    + b.couple_spring[k] * q[j]
-                )
+        sign = np.tanh(w / 0.01)
+        for j in range(3):  # [j::3]: torques on all joints from joint j
+            out = out + b.couple_viscous[j::3] * w[j] + b.couple_coulomb[j::3] * sign[j] + b.couple_spring[j::3] * q[j]
     if a["hum"]:
         out = out + b.hum * np.sin(2 * np.pi * b.hum_frequency * t)
     if a["drag_at_angle"]:

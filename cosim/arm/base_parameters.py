@@ -77,8 +77,13 @@ def base_columns(
     model: SerialModel, base: BaseParameters, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> np.ndarray:
     """The base columns (m, n, b) at m states, formed piece by piece."""
-    pieces = [whole_regressor(model, q[s], dq[s], ddq[s])[..., base.kept] for s in _pieces(len(q))]
-    return np.concatenate(pieces) if pieces else np.zeros((0, model.count, len(base.kept)))
+    out, links = np.zeros((*q.shape, len(base.kept))), 10 * model.count
+    first = int(np.searchsorted(base.kept, links))  # rotors come last
+    for s in _pieces(len(q)):
+        out[s, :, :first] = regressor(model, q[s], dq[s], ddq[s])[..., base.kept[:first]]
+    for column, joint in enumerate(base.kept[first:] - links, start=first):
+        out[:, joint, column] = ddq[:, joint]
+    return out
 
 
 def _pieces(rows: int) -> Iterator[slice]:

@@ -114,13 +114,13 @@ def regressor(model: SerialModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
     motion = link_motion(model, at, dq, ddq)
     back = np.swapaxes(at.rotation, -1, -2)
     w, dw, a = (apply(back, v) for v in (motion.w, motion.dw, motion.a))
-    zero = np.zeros((*a.shape, 1))
-    force = np.concatenate([a[..., None], skew(dw) + skew(w) @ skew(w), np.zeros((*a.shape, 6))], axis=-1)
-    couple = np.concatenate([zero, -skew(a), _spread(dw) + skew(w) @ _spread(w)], axis=-1)
-    linear, angular = point_jacobians(model, at, at.origin)
-    columns = np.einsum("...iak,...iap->...kip", linear, at.rotation @ force)
-    columns = columns + np.einsum("...iak,...iap->...kip", angular, at.rotation @ couple)
-    return columns.reshape(*columns.shape[:-2], 10 * model.count)
+    turning = skew(w)
+    wrench = np.zeros((*a.shape[:-1], 6, 10))  # of each link by its own parameters: force, then couple
+    wrench[..., :3, 0], wrench[..., :3, 1:4] = a, skew(dw) + turning @ turning
+    wrench[..., 3:, 1:4], wrench[..., 3:, 4:] = -skew(a), _spread(dw) + turning @ _spread(w)
+    moving = np.concatenate([back @ part for part in point_jacobians(model, at, at.origin)], axis=-2)
+    columns = np.swapaxes(moving, -1, -2) @ wrench  # (..., link, joint, 10)
+    return np.swapaxes(columns, -3, -2).reshape(*columns.shape[:-3], model.count, 10 * model.count)
 
 
 def _spread(w: np.ndarray) -> np.ndarray:

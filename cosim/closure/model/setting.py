@@ -11,7 +11,7 @@ from cosim.closure.model.rigid_body import RigidBody, rigid_body
 from cosim.effects.moving_arm import MovingArm, moving_arm
 from cosim.measured import Device, Label, Recording
 
-STEP = 1e-4  # rad, rad/s, rad/s^2 of the finite differences
+STEP = 1e-4  # rad, rad/s of the finite differences
 FEW_BLOCKS = 10  # fitted blocks for each recorded column, below which there are too many columns
 ColumnSlopes = Mapping[int, tuple[np.ndarray, np.ndarray]]
 """How a rigid body's columns change with one joint: each joint -> numbers (k,) of the columns that change and their
@@ -62,23 +62,32 @@ class Setting:
         return moving_arm(self.device, self.motion)
 
     def slopes(self, joint: int) -> tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]:
-        """Derivatives of the body's columns by q, dq and ddq of a joint, by central differences, computed once."""
+        """Derivatives of the body's columns by q, dq and ddq of a joint, computed once: central differences, but for ddq,
+        in which columns are linear.
+        """
         if joint not in self._slopes:
             self._slopes[joint] = (self._slope(joint, 0), self._slope(joint, 1), self._slope(joint, 2))
         return self._slopes[joint]
 
     def _slope(self, joint: int, place: int) -> ColumnSlopes:
-        equations, unit = self.body.equations, STEP * np.eye(self.joints)[joint]
-        assert equations is not None, "only a body with equations of motion is differentiated"
-        states = (self.motion.q, self.motion.dq, self.motion.ddq)
-
-        def moved(sign: int) -> np.ndarray:
-            q, dq, ddq = (x + sign * unit * (k == place) for k, x in enumerate(states))
-            return equations(q, dq, ddq)
-
-        change = (moved(1) - moved(-1)) / (2 * STEP)
+        unit = np.eye(self.joints)[joint]
+        if place == 2:
+            change = self._moved(2, unit) - self._unmoved
+        else:
+            change = (self._moved(place, STEP * unit) - self._moved(place, -STEP * unit)) / (2 * STEP)
         used = [np.flatnonzero(np.abs(change[:, j]).max(axis=0)) for j in range(self.joints)]
         return {j: (k, np.ascontiguousarray(change[:, j, k])) for j, k in enumerate(used) if len(k)}
+
+    @cached_property
+    def _unmoved(self) -> np.ndarray:
+        return self._moved(2, np.zeros(self.joints))
+
+    def _moved(self, place: int, by: np.ndarray) -> np.ndarray:
+        """The body's columns with q, dq or ddq (place 0, 1, 2) moved."""
+        equations, states = self.body.equations, (self.motion.q, self.motion.dq, self.motion.ddq)
+        assert equations is not None, "only a body with equations of motion is differentiated"
+        q, dq, ddq = (x + by * (k == place) for k, x in enumerate(states))
+        return equations(q, dq, ddq)
 
 
 def formulate(recording: Recording, motion: SmoothedMotion, rows: FitRows) -> Setting:

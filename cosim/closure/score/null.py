@@ -136,8 +136,16 @@ class Screen:
 
     def solved(self, x: Sequence[np.ndarray] | np.ndarray, y: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
         """Coefficients (p, R) of designs (m, p) and torques (m, R) of each joint."""
-        weighted = [v.T * w for v, w in zip(x, self.weight, strict=True)]
-        g, h = (sum(v @ u for v, u in zip(weighted, z, strict=True)) for z in (x, y))
+        return self._solved([self._equations(j, *both) for j, both in enumerate(zip(x, y, strict=True))])
+
+    def _equations(self, joint: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normal equations (p, p), (p, R) of a design (m, p) and torques (m, R) of a joint."""
+        weighted = x.T * self.weight[joint]
+        return weighted @ x, weighted @ y
+
+    def _solved(self, equations: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Coefficients (p, R) of the normal equations of all joints."""
+        g, h = (sum(parts) for parts in zip(*equations, strict=True))
         scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
         extra = RIDGE + self.model.precision * scale**2 + self.model.fit.penalty
         return np.linalg.solve(g * scale[:, None] * scale + np.diag(extra), h * scale[:, None]) * scale[:, None]
@@ -170,6 +178,17 @@ class Screen:
         """Residuals (J, m, 1 + R) of data and replicates, fitted again."""
         e = np.concatenate([self.left[..., None], self.flipped], axis=2)
         return e - self.x @ self.solved(self.x, e)
+
+    @cached_property
+    def replicated(self) -> np.ndarray:
+        """Scaled torque (J, m, 1 + R) of data and replicates: prediction and residuals."""
+        prediction = (self.y - self.left)[..., None] + self.flipped
+        return np.concatenate([self.y[..., None], prediction], axis=2)
+
+    @cached_property
+    def unpassed(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Normal equations of every joint, through no lag or delay, of data and replicates."""
+        return [self._equations(j, x, y) for j, (x, y) in enumerate(zip(self.x, self.replicated, strict=True))]
 
     @cached_property
     def loss(self) -> np.ndarray:
@@ -274,19 +293,19 @@ class Screen:
         """A lag or delay of the prediction: the whole design of its joints passes through it."""
         if any(self.model.late(j) for j in joints):
             return None
-        every = range(len(self.x))
-        recorded = self.y + self.skew_of(joints)
-        prediction = (self.y - self.left)[..., None] + self.flipped
+        skew = self.skew_of(joints)
         best, null = (-np.inf, thetas[0], 0.0), np.zeros(self.replicates)
         before = self.loss.sum(axis=0)
         for theta in thetas:
-            passed = {j: self._passed(effect, j, theta) for j in joints}
-            x = [passed[j][0] if j in joints else self.x[j] for j in every]
-            given = [passed[j][1] if j in joints else 0.0 for j in every]
-            y = [np.concatenate([recorded[j][:, None], prediction[j]], axis=1) + given[j] for j in every]
-            beta = self.solved(x, y)
-            e = [y[j] - x[j] @ beta for j in every]
-            nats = before - sum(self.losses(e[j], j) for j in every)
+            x, y, equations = list(self.x), list(self.replicated), list(self.unpassed)
+            for j in joints:
+                x[j], given = self._passed(effect, j, theta)
+                y[j] = y[j] + given
+                y[j][:, 0] += skew[j]
+                equations[j] = self._equations(j, x[j], y[j])
+            beta = self._solved(equations)
+            e = [v - u @ beta for u, v in zip(x, y, strict=True)]
+            nats = before - sum(self.losses(v, j) for j, v in enumerate(e))
             null = np.maximum(null, nats[1:])
             best = max(best, (float(nats[0]), theta, self.explained([x[:, 0] for x in e])))
         choice = ChosenEffect(effect, joints, best[1])

@@ -8,10 +8,18 @@ from cosim.errors import InputError, Problem
 
 _IMPROVEMENTS, _FIRST = 12, 4
 """Improvements of a law at most, and of each of many to see which are worth it."""
+_CLIMBS = 25
+"""Changes of a period at most: far below a bound that destroys it may grow without end, for next to nothing."""
 _FACTOR = 3
 """Steps taken together: powers of this."""
+_MOST_WORK = 1e9
+"""Products in a map over a period up to which a law is improved."""
+_STRETCHES = (1.0, 1.01, 1.03)
+"""How a law that is not improved any more is stretched until it grows."""
 _FEW = 30
 """Coarse steps in the largest delay, at most."""
+_ALONE = 1e-6
+"""Part of M^2 v that may lie outside of M v and v for v to hold one pair of eigenvectors only."""
 _CLEARLY = 1e-3
 """Part by which a rate has to exceed another to be counted as greater: what a sketch is not sure of."""
 
@@ -97,7 +105,8 @@ def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int
     """The destroying law with the smallest bound of the loop's own step that improving a sketch leads to.
 
     On the first finer steps the many laws are tried again, just below the bound that is known then: far above it a
-    constant delay grows faster than the laws that destroy first.
+    constant delay grows faster than the laws that destroy first. Of a loop of many signals the law is improved on
+    coarser steps only, and then stretched until it grows.
     """
     together, law = round(sketch.step / loop.step), sketch
     again = together > 1
@@ -105,13 +114,25 @@ def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int
         together //= _FACTOR
         law = evolve(law, ages=np.repeat(law.ages, _FACTOR, axis=1) * _FACTOR, step=law.step / _FACTOR)
         finer = coarser(loop, together)
+        if _costly(finer, law):
+            continue
         law = _descended(finer, law, ways, _bounds(low, high, together), 1, 5)
         if again:
             other = _searched(finer, max(int(law.ages.max()) - 1, 1), ways)
             other, again = _descended(finer, other, ways, _bounds(low, high, together), 1, 5), False
             law = other if other.growth_rate > 0.0 and other.max_delay <= law.max_delay else law
-    exact = under(loop, law.ages)
+    most, period = law.ages.max(), law.ages.shape[1]
+    for longer in sorted({min(round(most * stretch), max(high, most)) for stretch in _STRETCHES}):
+        exact = under(loop, fitted(law.ages, period, longer))
+        if exact.growth_rate > 0.0 or not _costly(loop, law):
+            break
     return exact if exact.growth_rate > 0.0 else None
+
+
+def _costly(loop: SampledLoop, law: DelayLaw) -> bool:
+    """Whether a map over the law's period, of which improving it takes hundreds, is seconds of work."""
+    states, size = len(loop.transition), len(loop.transition) + loop.channels * int(law.ages.max())
+    return states**2 * size * law.ages.shape[1] > _MOST_WORK
 
 
 def _bounds(low: int, high: int, together: int) -> tuple[int, int]:
@@ -130,13 +151,17 @@ def coarseness(high: int) -> int:
 def _descended(
     loop: SampledLoop, law: DelayLaw, ways: tuple[int, ...], bounds: tuple[int, int], change: int, rounds: int
 ) -> DelayLaw:
-    """The law of the smallest growing bound, along the line through the growth rates; the best one if none grows."""
+    """The law of the smallest growing bound, along the line through the growth rates; the best one if none grows.
+
+    Each bound begins with the law of the nearest one that grows: far below it a law loses its shape.
+    """
     most, slope, laws = int(law.ages.max()), 0.5 / law.max_delay, dict[int, DelayLaw]()
     for _ in range(rounds):
-        law = laws[most] = _tuned(loop, most, ways, law, change)
-        ends = laws[min(laws)], laws[max(laws)]
-        if ends[0] is not ends[1]:
-            slope = (ends[1].growth_rate - ends[0].growth_rate) / (ends[1].max_delay - ends[0].max_delay)
+        near = min(laws, key=lambda k: (laws[k].growth_rate <= 0.0, abs(k - most)), default=None)
+        law = laws[most] = _tuned(loop, most, ways, law if near is None else laws[near], change)
+        least, largest = min(laws), max(laws)
+        if least < largest:
+            slope = (laws[largest].growth_rate - laws[least].growth_rate) / ((largest - least) * loop.step)
         step = law.growth_rate / max(slope, 1e-2) / loop.step
         most -= max(int(step), 1) if law.growth_rate > 0.0 else min(int(np.floor(step)), -1)
         if most in laws or not bounds[0] <= most <= bounds[1]:
@@ -169,7 +194,9 @@ def _rate(law: DelayLaw) -> float:
 def _tuned(loop: SampledLoop, most: int, ways: tuple[int, ...], start: DelayLaw, change: int) -> DelayLaw:
     """The law for a bound, from one for another bound; the period climbs by smaller and smaller changes [steps]."""
     best = _improved(loop, most, ways, fitted(start.ages, start.ages.shape[1], most))
-    while change >= 1:
+    for _ in range(_CLIMBS):
+        if change < 1:
+            break
         period = best.ages.shape[1]
         others = [_improved(loop, most, ways, fitted(best.ages, period + sign * change, most)) for sign in (-1, 1)]
         other = max(others, key=_rate)
@@ -194,9 +221,9 @@ def coarser(loop: SampledLoop, together: int) -> SampledLoop:
 
 
 def fitted(ages: np.ndarray, period: int, most: int) -> np.ndarray:
-    """A law stretched to another period and bound."""
+    """A law stretched to another period and bound; one without any delay stays so."""
     at = np.arange(period) * ages.shape[1] // period
-    return np.rint(ages[:, at] * (most / ages.max())).astype(int)
+    return np.rint(ages[:, at] * (most / max(ages.max(), 1))).astype(int)
 
 
 def _improved(
@@ -221,15 +248,31 @@ def _improved(
 def grown(matrix: np.ndarray, turns: int = 60) -> tuple[np.ndarray, float]:
     """The direction that a matrix makes grow most, and the modulus of its eigenvalue, by powers of it.
 
-    The eigenvalue, or the complex pair, is read off three successive vectors: M^2 v = a M v + b v.
+    The eigenvalue, or the complex pair, is read off three successive vectors: M^2 v = a M v + b v. Where powers have
+    not yet left one pair alone (an arm of many joints has many that are nearly as large), by Arnoldi's method.
     """
     v = np.ones(len(matrix))
     for _ in range(turns):
         v = matrix @ v
         v /= max(np.linalg.norm(v), 1e-300)
     once = matrix @ v
-    a, b = np.linalg.lstsq(np.column_stack([once, v]), matrix @ once, rcond=1e-9)[0]
+    twice, pair = matrix @ once, np.column_stack([once, v])
+    a, b = np.linalg.lstsq(pair, twice, rcond=1e-9)[0]
+    if np.linalg.norm(twice - pair @ (a, b)) > _ALONE * np.linalg.norm(twice):
+        return _largest(matrix, v)
     return v, float(np.abs(np.roots([1.0, -a, -b])).max())
+
+
+def _largest(matrix: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, float]:
+    from scipy.sparse.linalg import ArpackError, eigs
+
+    try:
+        values, vectors = eigs(matrix, k=1, v0=start, tol=_ALONE)
+    except ArpackError:  # of matrices too small for it, or where it does not converge
+        values, vectors = np.linalg.eig(matrix)
+    most = int(np.argmax(np.abs(values)))
+    v = np.real(vectors[:, most])
+    return v / max(np.linalg.norm(v), 1e-300), float(abs(values[most]))
 
 
 def period_map(loop: SampledLoop, ages: np.ndarray, most: int) -> np.ndarray:

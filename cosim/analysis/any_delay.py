@@ -9,7 +9,7 @@ from cosim.analysis.adversary import DelayLaw, fitted, refined, sketched, sooner
 from cosim.analysis.certificate import Certificate
 from cosim.analysis.delay_grid import uniform_grid
 from cosim.analysis.multiplier import certify
-from cosim.analysis.parting import LoopPart
+from cosim.analysis.parting import LoopPart, together
 from cosim.analysis.proof import proven
 from cosim.analysis.sampled_loop import SampledLoop
 from cosim.analysis.slow_laws import slow_law
@@ -36,6 +36,9 @@ BELOW = (0.022, 0.03, 0.038, 0.043, 0.048, 0.055, 0.065, 0.1, 0.15, 0.22, 0.32, 
 """Parts by which a certificate is asked below the destroying law, one after another until one is proven."""
 FAR_BELOW = (0.05, 0.15, 0.32, 0.65)
 """The same below the bound of the search where no law destroys: there is no gap to make small."""
+SIGNALS = 6
+"""Signals of a loop in one piece up to which it is proven: a proof of more encloses a matrix of them thousands of times.
+"""
 Say = Callable[[str], None]
 
 
@@ -93,11 +96,17 @@ def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say, slope: f
     try:
         below = FAR_BELOW if first is None else BELOW
         bounds = list(dict.fromkeys(int(most * (1.0 - part)) for part in below))
-        held = _certificates(parts, bounds, 0 if first is None else first.part, say, slope)
+        held = [] if any(part.loop.channels > SIGNALS for part in parts) else _certificates(parts, bounds, 0 if first is None else first.part, say, slope)
     except InputError as error:  # a package of the extra is missing
         return TwoSided((), "; ".join(str(problem) for problem in error.problems), found, slope)
-    why = "" if held else "no certificate of this kind was found; nothing follows from that"
-    return TwoSided(held, why, found, slope)
+    return TwoSided(held, "" if held else _unproven(parts), found, slope)
+
+
+def _unproven(parts: Sequence[LoopPart]) -> str:
+    most = max(part.loop.channels for part in parts)
+    if most > SIGNALS:
+        return f"{most} signals that do not come apart are more than the {SIGNALS} up to which proofs are sought"
+    return "no certificate of this kind was found; nothing follows from that"
 
 
 def certified(parts: Sequence[LoopPart], most: int) -> bool:
@@ -139,21 +148,27 @@ def _slow_destroyers(parts: Sequence[LoopPart], low: int, high: int, slope: floa
 
 @frozen
 class _Sketch:
-    """A destroying law of coarse steps, the part that it makes grow, and which law each of its channels follows."""
+    """A destroying law of coarse steps, the loop that it makes grow, which law each of its signals follows, and the
+    part that this loop is, or is of.
+    """
 
     law: DelayLaw
-    part: int
+    loop: SampledLoop
     ways: tuple[int, ...]
+    part: int
 
 
 def _sketch(parts: Sequence[LoopPart], low: int, high: int, equal: bool) -> _Sketch | None:
     """That of the smallest bound over the parts; what destroys one is where the search on the next begins."""
     best, least = None, high
     for number, part in enumerate(parts):
-        ways = tuple(0 for _ in part.owner) if equal else part.owner
-        law = sketched(part.loop, ways, low, least, best.law if best else None)
-        if law is not None and (best is None or _reach(law) < _reach(best.law)):
-            best, least = _Sketch(law, number, ways), min(least, int(np.ceil(law.max_delay / part.loop.step)))
+        for loop in together(part) if equal else (part.loop,):
+            ways = (0,) * loop.channels if equal else part.owner
+            begun = best.law if best and len(best.ways) == len(ways) else None
+            law = sketched(loop, ways, low, least, begun)
+            if law is not None and (best is None or _reach(law) < _reach(best.law)):
+                best = _Sketch(law, loop, ways, number)
+                least = min(least, int(np.ceil(law.max_delay / loop.step)))
     return best
 
 
@@ -163,15 +178,19 @@ def _reach(law: DelayLaw) -> tuple[float, float]:
 
 
 def _sooner(parts: Sequence[LoopPart], equal: _Sketch, low: int) -> _Sketch | None:
-    owner = parts[equal.part].owner
-    law = sooner(parts[equal.part].loop, owner, low, equal.law) if len(set(owner)) > 1 else None
-    return None if law is None else _Sketch(law, equal.part, owner)
+    part = parts[equal.part]
+    law = sooner(part.loop, part.owner, low, equal.law) if len(set(part.owner)) > 1 else None
+    return None if law is None else _Sketch(law, part.loop, part.owner, equal.part)
 
 
 def _refined(parts: Sequence[LoopPart], sketch: _Sketch, low: int, high: int) -> Destroyer | None:
-    part = parts[sketch.part]
-    law = refined(part.loop, sketch.ways, sketch.law, low, high)
-    return None if law is None else Destroyer(law, sketch.part, part.owner)
+    law = refined(sketch.loop, sketch.ways, sketch.law, low, high)
+    if law is None:
+        return None
+    owner = parts[sketch.part].owner
+    if len(owner) > len(law.ages):  # found for one age of all signals
+        law = evolve(law, ages=np.repeat(law.ages[:1], len(owner), axis=0))
+    return Destroyer(law, sketch.part, owner)
 
 
 def widened(destroyer: Destroyer, loop: SampledLoop, more: int, slope: float | None = None) -> Destroyer:
@@ -208,8 +227,9 @@ def _certificates(
 def _proven(
     group: list[LoopPart], most: int, moments: Sequence[dict[int, int]] = LIFTS, slope: float | None = None
 ) -> list[Certificate]:
-    """Certificates of loops that share their multipliers; empty where there are none."""
-    for lifts in moments if most >= 1 else ():
+    """Certificates of loops that share their multipliers; empty where there are none, or none is sought."""
+    sought = most >= 1 and group[0].loop.channels <= SIGNALS
+    for lifts in moments if sought else ():
         grid = uniform_grid(most, min(INTERVALS, most), lifts, slope)
         found = certify([part.loop for part in group], grid, group[0].owner)
         if found is not None and all(proven(certificate).holds for certificate in found):

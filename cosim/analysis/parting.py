@@ -58,6 +58,25 @@ def parted(opened: OpenedLoop) -> tuple[LoopPart, ...]:
     return (LoopPart(opened.loop, [np.eye(len(places)) for places in channels]),)
 
 
+def together(part: LoopPart) -> tuple[SampledLoop, ...]:
+    """The loops into which a part falls where all its channels show one age: what two equal sides do with and against
+    one another; itself where it does not fall apart.
+    """
+    loop, half = part.loop, part.loop.channels // 2
+    if len(part.turns) != 2 or part.owner.count(0) != half or part.owner.count(1) != half:
+        return (loop,)
+    one = np.eye(half)
+    turn = np.sqrt(0.5) * np.block([[one, one], [one, -one]])  # its own inverse
+    places = slice(half), slice(half, 2 * half)
+    response = turn @ loop.increments(FREQUENCIES) @ turn
+    across = response.copy()
+    for place in places:
+        across[:, place, place] = 0.0
+    if apart(response - across, response) >= _APART:
+        return (loop,)
+    return tuple(_turned(loop, turn[:, place], turn[place]) for place in places)
+
+
 def joined_apart(whole: SampledLoop, parts: "list[LoopPart] | tuple[LoopPart, ...]") -> float:
     """Greatest part of the response of a whole loop that is neither in its parts, in some order, nor in what a part
     does to later ones; inf where these do not make a whole.
@@ -131,10 +150,15 @@ def _real(loop: SampledLoop, z: float) -> np.ndarray:
 
 def _part(loop: SampledLoop, turn: np.ndarray, channels: list[np.ndarray], axis: int) -> LoopPart:
     columns = [int(places[axis]) for places in channels]
-    back = np.linalg.inv(turn)[columns]
-    now = back @ loop.moved_now @ turn[:, columns]
-    small = balanced(SampledLoop(loop.transition, loop.drive @ turn[:, columns], back @ loop.moved, now, loop.step))
+    small = _turned(loop, turn[:, columns], np.linalg.inv(turn)[columns])
     return LoopPart(small, [turn[np.ix_(places, [places[axis]])] for places in channels])
+
+
+def _turned(loop: SampledLoop, turn: np.ndarray, back: np.ndarray) -> SampledLoop:
+    """The loop of some signals: `turn` (signals, k) has them in those of the loop, `back` (k, signals) the reverse."""
+    return balanced(
+        SampledLoop(loop.transition, loop.drive @ turn, back @ loop.moved, back @ loop.moved_now @ turn, loop.step)
+    )
 
 
 def _slowness(loop: SampledLoop) -> float:

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
+from cosim.analysis import any_delay
 from cosim.analysis.adversary import under
 from cosim.analysis.any_delay import Destroyer
 from cosim.analysis.at_rest import at_rest
@@ -17,7 +18,7 @@ from cosim.analysis.certificate_file import ProvenSystem, _digest, load_certific
 from cosim.analysis.delay_verdict import open_at_rest, play
 from cosim.analysis.examination import examine
 from cosim.analysis.opened import balanced
-from cosim.analysis.parting import joined_apart, parted
+from cosim.analysis.parting import joined_apart, parted, together
 from cosim.analysis.stepped import stepped
 from cosim.errors import InputError
 from cosim.fmu import open_system
@@ -93,6 +94,27 @@ def test_an_axis_that_only_drives_another_is_a_loop_of_its_own(opened):
     back = whole.transition.copy()
     back[:n, n:] = 1e-2
     assert joined_apart(attrs.evolve(whole, transition=back), alone) > 1e-4
+
+
+def test_one_age_of_equal_sides_is_two_loops_of_one_signal(opened):
+    part = parted(opened.loop)[0]
+    halves = together(part)
+    assert [loop.channels for loop in halves] == [1, 1]
+    ages = np.array([[3, 9, 12, 12, 5, 0, 7]])
+    rates = [under(loop, ages).growth_rate for loop in halves]
+    assert max(rates) == pytest.approx(under(part.loop, np.repeat(ages, 2, axis=0)).growth_rate, abs=1e-7)
+    assert min(rates) < max(rates) - 0.1
+    uneven = attrs.evolve(part.loop, drive=part.loop.drive * [1.0, 1.001])
+    assert together(attrs.evolve(part, loop=uneven)) == (uneven,)
+
+
+def test_a_loop_of_more_signals_than_proofs_reach_is_told(opened, monkeypatch):
+    monkeypatch.setattr(any_delay, "SIGNALS", 1)
+    found = any_delay.two_sided(parted(opened.loop)[:1], 9, 13, lambda text: None)
+    assert found.certificates == () and "2 signals that do not come apart" in found.unproven
+    law = found.destroyers[any_delay.EQUAL]
+    assert law.ages.shape[0] == 2 and (law.ages[0] == law.ages[1]).all()
+    assert under(parted(opened.loop)[0].loop, law.law.ages).growth_rate == pytest.approx(law.law.growth_rate, abs=1e-9)
 
 
 @pytest.mark.slow

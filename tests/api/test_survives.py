@@ -142,8 +142,11 @@ def test_the_panda_from_its_urdf(tmp_path):
         atol=1e-9,
     )
     rotors = {"arm_*.rotor_inertia": bare.armature.tolist()}
-    found = robot.survives("panda", values=rotors, poses=4).survival
+    found = robot.survives("panda", values=rotors, poses=4, any_delay=True).survival
     assert found.least.any_mass == pytest.approx(1.5 / 18)
     assert found.borne[0].constant == pytest.approx(0.10306, abs=2e-4)
     assert [replay.agrees for replay in found.replays] == [True, True]
     assert "joint_damping[5]" in [g.gain for g in found.better("any_mass")]
+    law = found.any_delay
+    assert found.least.any_mass < law.destroyed_at < found.least.constant and law.replay.interval[0] > 0
+    assert law.certified is None and "14 signals" in law.withheld["certificate"]

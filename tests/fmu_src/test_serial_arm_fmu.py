@@ -1,17 +1,21 @@
-"""SerialArm as FMUs: cut to the joints of one arm, the same bits in FMI 2 and 3 and without FMI, saved states, other
-start values, linearisation."""
+"""SerialArm as FMUs: cut to the joints of one arm, the same bits in FMI 2 and 3, without FMI and in lanes, saved states,
+other start values, linearisation."""
+
+import ctypes
 
 import numpy as np
 import pytest
 
 from build_fmus import BuildError, arm_fmu, fmu_path, start_values
 from build_fmus.arms import cut, cut_like
+from build_fmus.library import vectors
 from build_fmus.sources import source_root
 from build_fmus.table import load_table
 from cosim.arm import serial_dynamics as dynamics
 from cosim.arm import serial_kinematics as kinematics
 from cosim.arm.serial_table import arm_values
 from tests.fmu_src.test_serial_arm import made_arm
+from tests.support.model_harness import compile_library
 from tests.support.probe import Importer
 from tests.support.robots import compiled
 
@@ -69,6 +73,68 @@ def test_fmi_2_and_fmi_3_and_plain_c_give_the_same_bits(model):
     run = plain.run(60, 1e-3, {"tau": np.pad(u, ((0, 0), (0, 9)))}, ("q", "dq", "x", "tau_motor"))
     assert same(two, three)
     assert same(two, np.hstack([values[:, :COUNT] for values in run.values()]))
+
+
+LANES = """
+#include "SerialArm/serial.h"
+#define N %d
+static const double type[N] = {%s};
+/* in: rows of the table with their armature, gravity, offset of the tip; q, dq, tau by lanes. out: ddq, x, dx. */
+void moved(const double *table, const double *state, double *out)
+{
+    real turned[9], armature[N], offset[3], gravity[3], q[N], dq[N], tau[N], ddq[N], dx[3];
+    SerialLink link[N];
+    SerialPose pose;
+    SerialTip tip;
+    for (int k = 0; k < 9; k++) turned[k] = real_of(k %% 4 == 0 ? 1.0 : 0.0);
+    for (int i = 0; i < N; i++) {
+        real row[20];
+        SerialRow own;
+        for (int k = 0; k < 20; k++) row[k] = real_of(table[20 * i + k]);
+        memcpy(&own, row, sizeof own);
+        serial_link(&own, turned, &link[i]);
+        armature[i] = row[19];
+        for (int j = 0; j < REAL_LANES; j++) {
+            q[i][j] = state[3 * N * j + i];
+            dq[i][j] = state[3 * N * j + N + i];
+            tau[i][j] = state[3 * N * j + 2 * N + i];
+        }
+    }
+    for (int k = 0; k < 3; k++) gravity[k] = real_of(table[20 * N + k]), offset[k] = real_of(table[20 * N + 3 + k]);
+    real place[3];
+    turn_back(turned, offset, place);
+    serial_pose(N, type, link, q, &pose);
+    serial_tip(N, type, &pose, place, &tip);
+    serial_velocity(N, &tip, dq, dx);
+    serial_forward(N, type, link, &pose, armature, gravity, dq, tau, ddq);
+    for (int j = 0; j < REAL_LANES; j++)
+        for (int k = 0; k < N + 6; k++)
+            out[(N + 6) * j + k] = k < N ? ddq[k][j] : k < N + 3 ? tip.x[k - N][j] : dx[k - N - 3][j];
+}
+"""
+ROW = [f"origin_{k}" for k in ("x", "y", "z", "roll", "pitch", "yaw")] + [f"axis_{k}" for k in "xyz"]
+ROW += ["mass", *(f"centre_{k}" for k in "xyz"), *(f"inertia_{k}" for k in ("xx", "xy", "xz", "yy", "yz", "zz"))]
+
+
+def test_lanes_of_the_batch_build_have_the_bits_of_the_fmu(model):
+    """The arm's equations as the batch kernel is compiled, several states at once, beside its FMU at each of them."""
+    lanes = vectors()[0]
+    table = arm_values(model) | {"torque_saturation": [0.0] * COUNT, "joint_limits": 0.0}
+    columns = np.column_stack([table[name] for name in (*ROW, "rotor_inertia")])
+    numbers = np.concatenate([columns.ravel(), table["gravity"], table["tip"]])
+    states, out = np.random.default_rng(4).uniform(-1, 1, (lanes, 3 * COUNT)), np.zeros((lanes, COUNT + 6))
+    source = LANES % (COUNT, ", ".join(str(int(kind)) for kind in table["joint_type"]))
+    library = compile_library(source, (f"-DREAL_LANES={lanes}", "-march=native", "-O3", "-fno-math-errno", "-Wno-psabi"))
+    library.moved(*(a.ctypes.data_as(ctypes.c_void_p) for a in (numbers, states, out)))
+    path = arm_fmu(COUNT, table, 3)
+    for state, found in zip(states, out, strict=True):
+        q, dq, tau = state.reshape(3, COUNT)
+        start = {f"{n}[{i + 1}]": v[i] for n, v in (("q_start", q), ("dq_start", dq), ("tau", tau)) for i in range(COUNT)}
+        fmu = Importer(path, start)
+        names = [f"{n}[{i + 1}]" for n, size in (("ddq", COUNT), ("x", 3), ("dx", 3)) for i in range(size)]
+        assert same(found, np.array([fmu.get(name) for name in names]))
+        expected = dynamics.forward_dynamics(model, q, dq, tau + dynamics.friction_torque(model, dq))
+        assert np.abs(found[:COUNT] - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 import cosim
 from cosim.arm.base_parameters import (
@@ -13,11 +14,13 @@ from cosim.arm.base_parameters import (
     base_parameters,
     whole_regressor,
 )
+from cosim.arm.serial import turn
 from cosim.arm.serial_dynamics import mass_matrix
+from cosim.arm.serial_kinematics import tip_position
 from cosim.errors import InputError
 from cosim.identification.identification import identify
 from cosim.identification.method import adjusted, suggested
-from tests.identification.tx40 import PUBLISHED, entered
+from tests.identification.tx40 import CATALOGUE, PUBLISHED, arm, entered
 from tests.support.paths import SHARED
 from tests.support.robot_joints import COULOMB, OFFSET, VISCOUS
 from tests.support.robot_rig import RobotRig, described
@@ -77,6 +80,19 @@ def test_what_identify_tells(rig, tmp_path):
 def identified(file, physical: bool):
     recording = cosim.read(file)
     return identify(recording, adjusted(suggested(recording), None, None, None, False, physical))
+
+
+def test_the_lengths_of_the_real_arm_are_those_of_another_table():
+    ours, (a, alpha, d, zero) = arm(), np.array(CATALOGUE).T
+    theirs = evolve(
+        ours,
+        rotation=[turn((roll, 0.0, 0.0)) @ turn((0.0, 0.0, yaw)) for roll, yaw in zip(alpha, zero, strict=True)],
+        origin=np.stack([a, -np.sin(alpha) * d, np.cos(alpha) * d], axis=1),
+        tip=np.zeros(3),
+    )
+    q = np.random.default_rng(1).uniform(-2, 2, (20, 6))
+    upright = np.array([0.0, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0])
+    assert np.abs(tip_position(ours, q) - tip_position(theirs, q + upright)).max() < 1e-14
 
 
 @pytest.mark.needs("data")

@@ -1,5 +1,7 @@
 """Search for the delay law within a bound that makes a sampled loop grow fastest: policy iteration over a period."""
 
+from typing import Any
+
 import numpy as np
 from attrs import cmp_using, evolve, field, frozen
 
@@ -121,12 +123,12 @@ def refined(loop: SampledLoop, ways: tuple[int, ...], sketch: DelayLaw, low: int
             other = _searched(finer, max(int(law.ages.max()) - 1, 1), ways)
             other, again = _descended(finer, other, ways, _bounds(low, high, together), 1, 5), False
             law = other if other.growth_rate > 0.0 and other.max_delay <= law.max_delay else law
-    most, period = law.ages.max(), law.ages.shape[1]
-    for longer in sorted({min(round(most * stretch), max(high, most)) for stretch in _STRETCHES}):
-        exact = under(loop, fitted(law.ages, period, longer))
-        if exact.growth_rate > 0.0 or not _costly(loop, law):
-            break
-    return exact if exact.growth_rate > 0.0 else None
+    most, period = int(law.ages.max()), law.ages.shape[1]
+    for stretch in _STRETCHES if _costly(loop, law) else (1.0,):
+        exact = under(loop, fitted(law.ages, period, min(round(most * stretch), max(high, most))))
+        if exact.growth_rate > 0.0:
+            return exact
+    return None
 
 
 def _costly(loop: SampledLoop, law: DelayLaw) -> bool:
@@ -264,11 +266,12 @@ def grown(matrix: np.ndarray, turns: int = 60) -> tuple[np.ndarray, float]:
 
 
 def _largest(matrix: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, float]:
-    from scipy.sparse.linalg import ArpackError, eigs
+    from scipy.sparse import linalg
 
+    solver: Any = linalg.eigs
     try:
-        values, vectors = eigs(matrix, k=1, v0=start, tol=_ALONE)
-    except ArpackError:  # of matrices too small for it, or where it does not converge
+        values, vectors = solver(matrix, k=1, v0=start, tol=_ALONE)
+    except linalg.ArpackError:  # of matrices too small for it, or where it does not converge
         values, vectors = np.linalg.eig(matrix)
     most = int(np.argmax(np.abs(values)))
     v = np.real(vectors[:, most])

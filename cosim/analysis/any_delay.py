@@ -37,8 +37,7 @@ BELOW = (0.022, 0.03, 0.038, 0.043, 0.048, 0.055, 0.065, 0.1, 0.15, 0.22, 0.32, 
 FAR_BELOW = (0.05, 0.15, 0.32, 0.65)
 """The same below the bound of the search where no law destroys: there is no gap to make small."""
 SIGNALS = 6
-"""Signals of a loop in one piece up to which it is proven: a proof of more encloses a matrix of them thousands of times.
-"""
+"""Signals of a loop in one piece up to which proofs are sought: each encloses a matrix of them thousands of times."""
 Say = Callable[[str], None]
 
 
@@ -96,7 +95,11 @@ def two_sided(parts: Sequence[LoopPart], low: int, high: int, say: Say, slope: f
     try:
         below = FAR_BELOW if first is None else BELOW
         bounds = list(dict.fromkeys(int(most * (1.0 - part)) for part in below))
-        held = [] if any(part.loop.channels > SIGNALS for part in parts) else _certificates(parts, bounds, 0 if first is None else first.part, say, slope)
+        held = (
+            []
+            if any(part.loop.channels > SIGNALS for part in parts)
+            else _certificates(parts, bounds, 0 if first is None else first.part, say, slope)
+        )
     except InputError as error:  # a package of the extra is missing
         return TwoSided((), "; ".join(str(problem) for problem in error.problems), found, slope)
     return TwoSided(held, "" if held else _unproven(parts), found, slope)

@@ -59,7 +59,7 @@ def test_constant_delay_has_the_boundary_of_the_closed_form():
 
 
 def test_growth_of_many_motions_that_grow_alike():
-    """Seven pairs of eigenvalues within 0.6 % of one another, as joints of an arm have them: powers do not part them."""
+    """Seven pairs of eigenvalues within 0.6 % of one another, as an arm of many joints has: powers do not part them."""
     random, sizes = np.random.default_rng(3), np.linspace(0.984, 0.99, 7)
     turn = np.linalg.qr(random.normal(size=(14, 14)))[0]
     whole = np.zeros((14, 14))

@@ -1,5 +1,5 @@
-"""SerialArm as FMUs: cut to the joints of one arm, the same bits in FMI 2 and 3, without FMI and in lanes, saved states,
-other start values, linearisation."""
+"""SerialArm as FMUs: cut to the joints of one arm, the same bits in FMI 2 and 3, without FMI and in lanes, saved
+states, other start values, linearisation."""
 
 import ctypes
 
@@ -124,12 +124,16 @@ def test_lanes_of_the_batch_build_have_the_bits_of_the_fmu(model):
     numbers = np.concatenate([columns.ravel(), table["gravity"], table["tip"]])
     states, out = np.random.default_rng(4).uniform(-1, 1, (lanes, 3 * COUNT)), np.zeros((lanes, COUNT + 6))
     source = LANES % (COUNT, ", ".join(str(int(kind)) for kind in table["joint_type"]))
-    library = compile_library(source, (f"-DREAL_LANES={lanes}", "-march=native", "-O3", "-fno-math-errno", "-Wno-psabi"))
+    library = compile_library(
+        source, (f"-DREAL_LANES={lanes}", "-march=native", "-O3", "-fno-math-errno", "-Wno-psabi")
+    )
     library.moved(*(a.ctypes.data_as(ctypes.c_void_p) for a in (numbers, states, out)))
     path = arm_fmu(COUNT, table, 3)
     for state, found in zip(states, out, strict=True):
         q, dq, tau = state.reshape(3, COUNT)
-        start = {f"{n}[{i + 1}]": v[i] for n, v in (("q_start", q), ("dq_start", dq), ("tau", tau)) for i in range(COUNT)}
+        start = {
+            f"{n}[{i + 1}]": v[i] for n, v in (("q_start", q), ("dq_start", dq), ("tau", tau)) for i in range(COUNT)
+        }
         fmu = Importer(path, start)
         names = [f"{n}[{i + 1}]" for n, size in (("ddq", COUNT), ("x", 3), ("dx", 3)) for i in range(size)]
         assert same(found, np.array([fmu.get(name) for name in names]))

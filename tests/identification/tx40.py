@@ -5,10 +5,10 @@
 With --close-loop also what the six joints together lack (half a minute). FOLDER holds the full recording (default:
 shared/data beside the checkout).
 
-Its arm is a table of published lengths: Craig's Denavit-Hartenberg rows of the TX40, as the joints' origins in FIGAROH's
-tx40_mdh_modified.urdf have them (github.com/thanhndv212/figaroh-plus), the model of this recording's authors, and but for
-the zeros of two joints as `CATALOGUE` has them, another author's. No masses are taken; those of the table only make M
-positive definite, and the fit does not look at them.
+Its arm is a table of published lengths: Craig's Denavit-Hartenberg rows of the TX40, as the joints' origins in
+tx40_mdh_modified.urdf of FIGAROH have them (github.com/thanhndv212/figaroh-plus), whose authors published this recording,
+and but for the zeros of two joints as `CATALOGUE`, another author's, has them. No masses are taken; those of the table
+only make M positive definite, and the fit does not look at them.
 
 The wrist's motors stay out of what a chain of joints can be: motor 6 turns with q5 + q6, and nearly all of its friction
 follows that sum (published: fvm6, fsm6), which no friction of joint 5 or joint 6 alone does. Their errors say so.
@@ -46,8 +46,8 @@ CATALOGUE = (
     (0.0, _RIGHT, 0.0, 0.0),
     (0.0, -_RIGHT, 0.065, 2 * _RIGHT),
 )
-"""a [m], alpha [rad], d [m], theta at q = 0 [rad] of Staubli_TX40 in the package robotkinematicscatalogue 1.1.2 (PyPI), from
-the shoulder on; q2 and q3 count from where the arm stands upright.
+"""a [m], alpha [rad], d [m], theta at q = 0 [rad] of Staubli_TX40 in the package robotkinematicscatalogue 1.1.2 (PyPI),
+from the shoulder on; q2 and q3 count from where the arm stands upright.
 """
 PUBLISHED = {"viscous": "fv", "coulomb": "fs", "offset": "offset", "rotor": "Ia"}
 """Our parameters of a joint, and what dataset.json calls them."""

@@ -5,8 +5,8 @@
     python -m tests.support.robot_study outside --count 7 --out outside.jsonl
 
 Recordings of 40 s at 100 Hz of the public Panda by pinocchio with the joints of `tests.support.robot_joints`, the
-second half held out. About 20 s of processor time a run; a study that was stopped goes on from its `--out`. Seeds from
-5000 on.
+second half held out. About 10 s of processor time a complete model, more an effect; a study that was stopped goes on
+from its `--out`. Seeds from 5000 on.
 """
 
 import argparse

@@ -62,8 +62,8 @@ class Setting:
         return moving_arm(self.device, self.motion)
 
     def slopes(self, joint: int) -> tuple[ColumnSlopes, ColumnSlopes, ColumnSlopes]:
-        """Derivatives of the body's columns by q, dq and ddq of a joint, computed once: central differences, but for ddq,
-        in which columns are linear.
+        """Derivatives of the body's columns by q, dq and ddq of a joint, computed once: central differences, but for
+        ddq, in which columns are linear.
         """
         if joint not in self._slopes:
             self._slopes[joint] = (self._slope(joint, 0), self._slope(joint, 1), self._slope(joint, 2))

@@ -129,6 +129,7 @@ def test_lanes_of_the_batch_build_have_the_bits_of_the_fmu(model):
     )
     library.moved(*(a.ctypes.data_as(ctypes.c_void_p) for a in (numbers, states, out)))
     path = arm_fmu(COUNT, table, 3)
+    assert len(states) == lanes > 1
     for state, found in zip(states, out, strict=True):
         q, dq, tau = state.reshape(3, COUNT)
         start = {

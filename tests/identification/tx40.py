@@ -6,7 +6,7 @@ With --close-loop also what the six joints together lack (half a minute). FOLDER
 shared/data beside the checkout).
 
 Its arm is a table of published lengths: Craig's Denavit-Hartenberg rows of the TX40, as the joints' origins in
-tx40_mdh_modified.urdf of FIGAROH have them (github.com/thanhndv212/figaroh-plus), whose authors published this recording,
+tx40_mdh_modified.urdf of FIGAROH have them (github.com/thanhndv212/figaroh-plus; its authors published this recording),
 and but for the zeros of two joints as `CATALOGUE`, another author's, has them. No masses are taken; those of the table
 only make M positive definite, and the fit does not look at them.
 

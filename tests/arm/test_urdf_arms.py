@@ -2,6 +2,7 @@
 
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from cosim.arm import serial_dynamics as dynamics
 from cosim.arm import serial_kinematics as kinematics
 from cosim.arm.serial import roll_pitch_yaw, turn
 from tests.support.robots import ROBOTS, PinocchioArm, apart, compiled, put, reduced, robot_file, states
+from tests.support.urdf_text import urdf_text
 
 TIGHT = 1e-12
 COUNT = 12
@@ -72,20 +74,13 @@ def test_compensated_gravity_is_pinocchios(name):
 
 
 @pytest.mark.parametrize("name", ["ur5", "xarm7", "z1", "talos_left_arm"])
-def test_mujoco_agrees(name):
+def test_mujoco_reads_the_same_arm(name):
     """Arms without joints off the chain, which MuJoCo would leave free; meshes left out, inertias as they are."""
-    import mujoco
-
     root = ElementTree.parse(robot_file(name)).getroot()
     for link in root.iter("link"):
         for part in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(part)
-    for joint in root.findall("joint"):  # its own friction and damping are forces of another law
-        for part in [*joint.findall("dynamics"), *joint.findall("mimic")]:
-            joint.remove(part)
-    settings = ElementTree.SubElement(root, "mujoco")
-    ElementTree.SubElement(settings, "compiler", {"strippath": "false", "balanceinertia": "false"})
-    engine = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    engine = mujoco_model(root)
     model = reduced(name).model
     names = [mujoco.mj_id2name(engine, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(engine.njnt)]
     assert sorted(names) == sorted(model.joints)
@@ -96,13 +91,61 @@ def test_mujoco_agrees(name):
     for q, dq, *_ in cases:
         data.qpos[order], data.qvel[order] = q, dq
         mujoco.mj_forward(engine, data)
-        mass = np.zeros((engine.nv, engine.nv))
-        for i in range(engine.nv):
-            unit = np.eye(engine.nv)[i]
-            mujoco.mj_mulM(engine, data, mass[i], unit)
-        # MuJoCo keeps inertias by principal axes, whose eigenvectors cost it some digits
-        assert apart(dynamics.mass_matrix(model, q), mass[np.ix_(order, order)]) < 1e-10
+        # MuJoCo joins bodies that are fixed to one another by principal axes, which costs it some digits
+        assert apart(dynamics.mass_matrix(model, q), engine_mass(engine, data)[np.ix_(order, order)]) < 1e-10
         assert apart(dynamics.bias_torque(model, q, dq), data.qfrc_bias[order]) < 1e-10
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_equations_are_mujocos(name):
+    """Of the arm as it is reduced, joints off the chain and bodies fixed to its links among it."""
+    model = reduced(name).model
+    engine = mujoco_model(ElementTree.fromstring(urdf_text(model)))
+    engine.opt.gravity[:] = model.gravity
+    names = [mujoco.mj_id2name(engine, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(engine.njnt)]
+    order = [names.index(joint) for joint in model.joints]
+    last = engine.jnt_bodyid[order[-1]]
+    data = mujoco.MjData(engine)
+    cases = states(model, COUNT, 4)
+    assert len(cases) == COUNT and len(order) == engine.nv and not model.armature.any()
+    for q, dq, ddq, tau, _ in cases:
+        data.qpos[order], data.qvel[order], data.qfrc_applied[order] = q, dq, tau
+        mujoco.mj_forward(engine, data)
+        moving = tau + dynamics.friction_torque(model, dq)
+        assert apart(dynamics.mass_matrix(model, q), engine_mass(engine, data)[np.ix_(order, order)]) < TIGHT
+        assert apart(dynamics.bias_torque(model, q, dq), data.qfrc_bias[order]) < TIGHT
+        assert apart(dynamics.forward_dynamics(model, q, dq, moving), data.qacc[order]) < TIGHT
+        jacobian = np.zeros((3, engine.nv))
+        tip = data.xpos[last] + data.xmat[last].reshape(3, 3) @ model.tip
+        mujoco.mj_jac(engine, data, jacobian, None, tip, last)
+        assert apart(kinematics.tip_position(model, q), tip) < TIGHT
+        assert apart(kinematics.tip_jacobian(model, q), jacobian[:, order]) < TIGHT
+        data.qacc[order] = ddq
+        mujoco.mj_inverse(engine, data)
+        torque = data.qfrc_inverse[order]
+        assert apart(dynamics.inverse_dynamics(model, q, dq, ddq), torque) < TIGHT
+        assert apart(dynamics.regressor(model, q, dq, ddq) @ dynamics.link_parameters(model), torque) < TIGHT
+        data.qvel[:] = 0.0
+        mujoco.mj_forward(engine, data)
+        assert apart(dynamics.gravity_torque(model, q), data.qfrc_bias[order]) < TIGHT
+
+
+def mujoco_model(root: ElementTree.Element) -> mujoco.MjModel:
+    """What MuJoCo makes of a URDF, inertias as they are; friction and damping of joints are forces of another law."""
+    for joint in root.findall("joint"):
+        for part in [*joint.findall("dynamics"), *joint.findall("mimic")]:
+            joint.remove(part)
+    settings = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(settings, "compiler", {"strippath": "false", "balanceinertia": "false"})
+    return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def engine_mass(engine: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """M (nv, nv), in MuJoCo's order of joints."""
+    mass = np.zeros((engine.nv, engine.nv))
+    for i, unit in enumerate(np.eye(engine.nv)):
+        mujoco.mj_mulM(engine, data, mass[i], unit)
+    return mass
 
 
 @pytest.mark.parametrize("name", ["panda", "tiago", "so101"])

@@ -58,7 +58,7 @@ _MOST_OUTPUTS = 12  # of a series
 _LEAST_BOUND = 1e5
 """The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
 _BLOCKS = 6  # of an envelope, SIGN_BLOCKS in fmu_src/kernel/sign.h
-_LOOKS = tuple(2.0**-steps for steps in np.arange(0.0, 3.25, 0.25))
+_LOOKS = tuple(2.0**-half for half in np.arange(0.0, 3.5, 0.5))
 """Shares of the run after which the sign of a growth rate is looked for: from an eighth of it to all of it."""
 _MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
 

@@ -36,6 +36,8 @@ def facing_tips(result: Result) -> FacingTips | None:
         return None
     local, remote = (result.vector(f"{arm}.x") for arm in arms)
     values = _driving(result.scenario, arms[1])
+    if not values:
+        return FacingTips(local, remote, False)
     scale = float(_vector(values, "motion_scale", 1.0)[0])
     home, ref_home = (_vector(values, name, 0.0) for name in ("x_home", "x_ref_home"))
     mapped = scale != 1.0 or bool((home != ref_home).any())

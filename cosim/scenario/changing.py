@@ -3,7 +3,7 @@
 import tomllib
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from attrs import evolve, fields
 
@@ -77,11 +77,12 @@ def with_override(scenario: AnyScenario, text: str, problems: list[Problem]) -> 
 
 def assign(scenario: AnyScenario, path: str, value: object, problems: list[Problem]) -> AnyScenario:
     """The scenario with one value changed, which it remembers; a problem is appended where the path leads nowhere."""
-    changed = _assigned(scenario, path, value, problems)
-    return changed if changed is scenario else evolve(changed, changes={**scenario.changes, path: toml_value(value)})
+    parts = _assigned(scenario, path, value, problems)
+    return evolve(scenario, **parts, changes={**scenario.changes, path: toml_value(value)}) if parts else scenario
 
 
-def _assigned(scenario: AnyScenario, path: str, value: object, problems: list[Problem]) -> AnyScenario:
+def _assigned(scenario: ScenarioParts, path: str, value: object, problems: list[Problem]) -> dict[str, Any]:
+    """The part of the scenario that changes, by its name; empty where the path leads nowhere."""
     head, _, key = path.removeprefix("components.").partition(".")
     if head in ("experiment", "teleoperation"):
         return _assign_record(scenario, head, key, value, problems)
@@ -91,18 +92,20 @@ def _assigned(scenario: AnyScenario, path: str, value: object, problems: list[Pr
         problems.append(
             Problem(f"path {path}", "component.parameter or experiment.key", repr(head), did_you_mean(head, known))
         )
-        return scenario
+        return {}
     components = dict(scenario.components)
     for name in chosen:
         components[name] = _component_with(components[name], key, value, f"path {path}", problems)
-    return evolve(scenario, components=components)
+    return {"components": components}
 
 
-def _assign_record(scenario: AnyScenario, head: str, key: str, value: object, problems: list[Problem]) -> AnyScenario:
+def _assign_record(
+    scenario: ScenarioParts, head: str, key: str, value: object, problems: list[Problem]
+) -> dict[str, Any]:
     record = getattr(scenario, head)
     table = plain(record) | {key: value}
     changed = record_of(type(record), table, f"path {head}", problems)
-    return scenario if changed is None else evolve(scenario, **{head: changed})
+    return {} if changed is None else {head: changed}
 
 
 def _component_with(component: Component, key: str, value: object, where: str, problems: list[Problem]) -> Component:

@@ -91,14 +91,16 @@ def task_of(sweep: Sweep) -> Task:
     if scenario.endswith(".toml"):
         scenario = str((sweep.folder / scenario).resolve())
     evaluator = EVALUATORS.get(sweep.evaluator, sweep.evaluator)
-    return Task(evaluator, scenario, dict(sweep.set), sweep.effects, sweep.sign_level, sweep.any_delay)
+    traced = isinstance(sweep.design, (BoundaryDesign, LevelSet))
+    return Task(evaluator, scenario, dict(sweep.set), sweep.effects, sweep.sign_level, sweep.any_delay, traced)
 
 
 def fingerprint(task: Task, origin: str = "") -> str:
     """Hash of what decides a finding besides the point: evaluator, scenario, fixed values, effects, `origin` (FMUs)."""
     home, _, function = task.evaluator.rpartition(":")
     evaluator = [Path(home).read_text(encoding="utf-8"), function] if home.endswith(".py") else task.evaluator
-    asked = ([] if task.sign_level is None else [task.sign_level]) + (["any_delay"] if task.any_delay else [])
+    asked = [] if task.sign_level is None else [task.sign_level] + (["traced"] if task.traced else [])
+    asked += ["any_delay"] if task.any_delay else []
     texts = [json.dumps([evaluator, sorted(map(str, task.set.items())), *asked]), origin]
     for name in (task.scenario, task.effects):
         path = Path(name) if name else None

@@ -48,6 +48,9 @@ Twin = TypeVar("Twin", Scenario, Wiring)
 _RECORDED = ("q", "dq", "x", "saturated")
 _REPLAY_EVERY = 200
 """One in so many of the kernel's points is run by the FMUs too."""
+_SHARP = 0.2
+"""Where a boundary is traced, a run ends only when half the interval of its rate is at most this part of the rate: what
+the tracer takes a rate near zero for (see `cosim.sweeps.boundary.narrow`)."""
 
 
 @frozen
@@ -141,7 +144,7 @@ def simulation(task: Task, points: Sequence[Point]) -> list[PointResult]:
             batches.setdefault(_batch_key(one.wiring), []).append(k)
     results: dict[int, PointResult] = {}
     for numbers in batches.values():
-        results |= zip(numbers, _by_kernel([setups[k] for k in numbers], task.sign_level))
+        results |= zip(numbers, _by_kernel([setups[k] for k in numbers], task))
     return [results[k] if k in results else _by_fmus(one) for k, one in enumerate(setups)]
 
 
@@ -178,10 +181,10 @@ def _batch_key(wiring: Wiring) -> str:
 def _refusal(wiring: Wiring) -> str | None:
     """Why the batch kernel does not apply; None where it does."""
     try:
-        from cosim.sweeps.kernel import refusal
+        from cosim.sweeps.lane_refusal import lane_refusal
     except ImportError as error:
         return str(error)
-    return refusal(wiring, _signals(wiring))
+    return lane_refusal(wiring, _signals(wiring))
 
 
 @of_structure
@@ -196,12 +199,12 @@ def _signals(wiring: Wiring) -> list[str]:
     )
 
 
-def _by_kernel(setups: Sequence[PointSetup], sign_level: float | None) -> list[PointResult]:
+def _by_kernel(setups: Sequence[PointSetup], task: Task) -> list[PointResult]:
     """Results of points whose scenarios the batch kernel runs together; see `Sweep.sign_level`."""
     from cosim.sweeps.kernel import run_pairs
 
     pairs = [(one.wiring, _with(twin_wiring, one.wiring)) for one in setups]
-    runs = run_pairs(pairs, _signals(pairs[0][0]), sign_level)
+    runs = run_pairs(pairs, _signals(pairs[0][0]), task.sign_level, _SHARP if task.traced else np.inf)
     return [_replayed(one, found, _found(one, found)) for one, found in zip(setups, runs)]
 
 

@@ -3,7 +3,7 @@
 It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to arms with rigid
 joints and without encoders, whatever their friction, P-like controllers, channels of every semantics, hands and
 environments, and components that nothing is wired into (an operator that does not feel the arm), whose signals are
-computed beforehand by the FMUs themselves. `refusal` says why it does not apply; then the co-simulation does.
+computed beforehand by the FMUs themselves. `lane_refusal` says why it does not apply; then the co-simulation does.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from cosim.engine.native import Arena
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
-from cosim.signals import stem
-from cosim.sweeps.lane import Feed, LaneComponent, LanePlaces, LaneSetting
+from cosim.sweeps.lane import Feed, LaneSetting
 from cosim.sweeps.lane_layout import LaneLayout, lane_layout
 from cosim.sweeps.native_kernel import (
     NativeComponent,
@@ -34,33 +33,12 @@ from cosim.sweeps.native_kernel import (
     kinds,
     prepared,
 )
-from cosim.sweeps.structure import of_structure
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import seconds
 
-_ARM_LAW = {
-    *("pi", "mounting", "payload", "base_tilt", "gravity_compensation", "workspace_limits", "internal_steps"),
-    *("viscous", "coulomb", "coulomb_velocity", "stiffness", "damping", "q_start", "dq_start"),
-    *("contact_stiffness", "contact_damping", "contact_normal", "contact_distance"),
-    *("tau", "f", "f_command", "x_ref"),
-    *("coulomb_form", "stribeck", "stribeck_velocity", "stribeck_exponent", "coulomb_asymmetry", "viscous_asymmetry"),
-    *("torque_offset", "load_friction", "position_friction_sin", "position_friction_cos", "position_torque"),
-    *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
-    *("ripple_sin", "ripple_cos", "ripple_order", "hysteresis", "hysteresis_length", "hysteresis_exponent"),
-    *("hysteresis_ratio", "hysteresis_tilt", "quadratic_drag", "friction_drift", "friction_drift_time"),
-    *("torque_gain", "torque_deadband", "stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
-    *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
-}
-"""What may differ from the table in the kernel's arm: not what makes a joint elastic, late or limited, nor encoders."""
-_CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0), "stop_side": (-1.0, 1.0)}
-"""The numbers that the arm takes for them."""
-_MOST_OUTPUTS = 12  # of a series
-_LEAST_BOUND = 1e5
-"""The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
 _BLOCKS = 6  # of an envelope, SIGN_BLOCKS in fmu_src/kernel/sign.h
 _LOOKS = tuple(2.0**-half for half in np.arange(0.0, 3.5, 0.5))
 """Shares of the run after which the sign of a growth rate is looked for: from an eighth of it to all of it."""
-_MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
 
 
 @cache
@@ -75,129 +53,11 @@ def lanes() -> int:
     return int(_library().lanes())
 
 
-# --- does it apply? ---------------------------------------------------------------------------------------------------
-
-
-def refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
-    """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
-    if wiring.scenario.experiment.bound < _LEAST_BOUND:
-        return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
-    found = _structure(wiring, tuple(record))
-    if found.reason is not None:
-        return found.reason
-    for part in found.parts:
-        if (reason := _unfit(part.starting(wiring), wiring)) is not None:
-            return f"{part.name}: {reason}"
-    return found.unseen
-
-
-@frozen
-class _Structure:
-    """What the kernel says to a wiring whatever its start values.
-
-    reason: why it does not apply; unseen: what it does not compute, which is said after what start values are unfit.
-    """
-
-    parts: tuple[LaneComponent, ...]
-    reason: str | None
-    unseen: str | None
-
-
-@of_structure
-def _structure(wiring: Wiring, record: tuple[str, ...]) -> _Structure:
-    parts = LaneComponent.all(wiring)
-    return _Structure(parts, _too_large(wiring, record), _unseen(wiring, parts, record))
-
-
-def _too_large(wiring: Wiring, record: Sequence[str]) -> str | None:
-    kept = sum(name in record or stem(name) in record for name in wiring.signals)
-    from build_fmus.library import vectors
-
-    if (size := 8 * vectors()[0] * kept * wiring.scenario.experiment.rows) <= _MOST_BYTES:
-        return None
-    return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
-
-
-def _unseen(wiring: Wiring, parts: Sequence[LaneComponent], record: Sequence[str]) -> str | None:
-    places = LanePlaces.of(wiring, parts)
-    for link in wiring.links:
-        if str(link.source) not in places.number:
-            return f"{link.source} is wired, which the kernel does not compute"
-        if link.scaled:
-            return f"{link.source} is changed on the way, which the kernel does not compute"
-    stems = {stem(name) for name in places.number}
-    missing = [name for name in record if name not in places.number and name not in stems]
-    return f"{missing[0]} is to be recorded, which the kernel does not compute" if missing else None
-
-
-def _unfit(part: LaneComponent, wiring: Wiring) -> str | None:
-    if wiring.scenario.components[part.name].step_multiple != 1:
-        return "it has a step multiple"
-    if not part.model and part.inputs:
-        own = wiring.scenario.components[part.name]
-        return f"{own.kind if own.model else 'a foreign FMU'} feels what is wired into it"
-    if not part.model:
-        return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
-    return _UNFIT.get(part.model, _fit)(part)
-
-
-def _fit(part: LaneComponent) -> str | None:
-    return None
-
-
-def _unfit_arm(part: LaneComponent) -> str | None:
-    variables = part.description.variables
-    for name, value in part.starts.items():
-        if stem(name) not in _ARM_LAW and value != variables[name].start:
-            return f"its {name} is {value!r}"
-        if value not in _CHOSEN.get(stem(name), (value,)):
-            return f"its {name} is {value!r}"
-    if part.number("contact_stiffness") > 0 and not any(part.number(f"contact_normal[{i}]") for i in (1, 2, 3)):
-        return "its contact_normal is zero"
-    return None
-
-
-def _unfit_channel(part: LaneComponent) -> str | None:
-    if "delay" in part.inputs:
-        return "its input delay is wired"
-    if part.choice("law") == "recorded":
-        return "its delay is recorded"
-    if part.loses and not part.packets:
-        return "it loses samples of a plain time delay"
-    low, high = part.number("delay_min"), part.number("delay_max")
-    if part.choice("law") != "constant" and high < low:
-        return "its delay_max is below its delay_min"
-    if part.choice("law") == "random_walk" and part.number("delay_step") > high - low:
-        return "its delay_step is longer than its delays"
-    return None
-
-
-def _unfit_operator(part: LaneComponent) -> str | None:
-    return "its stop_time is before its start_time" if part.number("stop_time") < part.number("start_time") else None
-
-
-def _unfit_environment(part: LaneComponent) -> str | None:
-    length = sum(part.number(f"normal[{i}]") ** 2 for i in (1, 2, 3))
-    return "its normal is zero" if part.choice("surface") == "wall" and length <= 1e-12 else None
-
-
-_UNFIT = {
-    "PhantomArm": _unfit_arm,
-    "VariableDelayChannel": _unfit_channel,
-    "Operator": _unfit_operator,
-    "Environment": _unfit_environment,
-}
-"""Start values that the FMUs refuse, or that the kernel does not compute, of each of its models."""
-
-
-# --- running ----------------------------------------------------------------------------------------------------------
-
-
 def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1) -> list[Result]:
     """The results of many scenarios that differ in parameters only, in their order.
 
-    wirings: of scenarios with the same components, connections and experiment, each of which `refusal` accepts; record:
-    signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
+    wirings: of scenarios with the same components, connections and experiment, each of which `lane_refusal` accepts;
+    record: signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
     """
     return [result for result, _ in _runs(wirings, record, workers)]
 
@@ -211,16 +71,32 @@ class TwinRuns:
     growth: tuple[float, float, float] | None = None
 
 
+@frozen
+class _EndOfPairs:
+    """When a pair of runs ends: Student's quantile of the level, and the part of the rate that half its interval may
+    be.
+    """
+
+    quantile: float
+    part: float
+
+
 def run_pairs(
-    pairs: Sequence[tuple[Wiring, Wiring]], record: Sequence[str], level: float | None = None
+    pairs: Sequence[tuple[Wiring, Wiring]],
+    record: Sequence[str],
+    level: float | None = None,
+    part: float = np.inf,
 ) -> list[TwinRuns]:
-    """Runs and their twins; with a level only until the sign of the growth rate is decided (fmu_src/kernel/sign.h)."""
-    quantile = 0.0
+    """Runs and their twins; with a level only until the sign of the growth rate is decided (fmu_src/kernel/sign.h).
+
+    part: of the rate that half its interval may be at most.
+    """
+    ending = None
     if level is not None and lanes() > 1:
         from scipy.special import stdtrit
 
-        quantile = float(stdtrit(_BLOCKS - 1, 0.5 + 0.5 * level))
-    runs = _runs([wiring for pair in pairs for wiring in pair], record, 1, quantile)
+        ending = _EndOfPairs(float(stdtrit(_BLOCKS - 1, 0.5 + 0.5 * level)), part)
+    runs = _runs([wiring for pair in pairs for wiring in pair], record, 1, ending)
     return [TwinRuns(result, twin, growth) for (result, growth), (twin, _) in zip(runs[::2], runs[1::2])]
 
 
@@ -232,12 +108,14 @@ def _lane_stride(count: int, numbers: int) -> int:
 _LaneRun = tuple[Result, tuple[float, float, float] | None]
 
 
-def _runs(wirings: Sequence[Wiring], record: Sequence[str], workers: int, quantile: float = 0.0) -> list[_LaneRun]:
+def _runs(
+    wirings: Sequence[Wiring], record: Sequence[str], workers: int, ending: _EndOfPairs | None = None
+) -> list[_LaneRun]:
     layout = lane_layout(wirings[0], tuple(record))
     settings = [LaneSetting.of(wiring, layout.parts, _FEED) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
-    found = _each(lambda settings: _run_lanes(settings, layout, quantile), tasks, workers)
+    found = _each(lambda settings: _run_lanes(settings, layout, ending), tasks, workers)
     results = {i: result for batch, some in zip(batches, found) for i, result in zip(batch, some)}
     return [results[i] for i in range(len(wirings))]
 
@@ -272,9 +150,9 @@ def _course(values: Sequence[float], steps: int, step_ns: int) -> tuple[np.ndarr
 _FEED = Feed(_course)
 
 
-def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, quantile: float) -> list[_LaneRun]:
+def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, ending: _EndOfPairs | None) -> list[_LaneRun]:
     began = time.perf_counter()
-    call = _Call(settings, layout, quantile)
+    call = _Call(settings, layout, ending)
     _library().run(ctypes.byref(call.job), layout.sources)
     wall = (time.perf_counter() - began) / len(settings)
     return [call.run(lane, wall) for lane in range(len(settings))]
@@ -284,12 +162,12 @@ class _Call:
     """One call of the kernel: C's layout of up to `lanes()` settings, and the arrays that must outlive the call.
 
     Lanes that are left over repeat the last two settings (a run and its twin may not be parted); their results are not
-    looked at. quantile: Student's, for the sign of the growth of pairs of lanes; 0: they are no pairs.
+    looked at. ending: of pairs of lanes; None: they are no pairs.
     """
 
-    def __init__(self, settings: Sequence[LaneSetting], layout: LaneLayout, quantile: float) -> None:
+    def __init__(self, settings: Sequence[LaneSetting], layout: LaneLayout, ending: _EndOfPairs | None) -> None:
         self.layout, self.places, self.timetable = layout, layout.places, layout.timetable
-        self.settings, self.width, self.quantile = settings, lanes(), quantile
+        self.settings, self.width, self.ending = settings, lanes(), ending
         self.filled = [*settings, *list(settings[-2:]) * self.width][: self.width]
         self.wiring, self.parts = settings[0].wiring, settings[0].parts
         self.experiment = self.wiring.scenario.experiment
@@ -297,7 +175,7 @@ class _Call:
         self.rows = self.experiment.rows
         self.table = np.empty((self.width, self.rows, len(self.timetable.names)))
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
-        self.signs = (NativeSign * (self.width // 2))() if quantile else None
+        self.signs = (NativeSign * (self.width // 2))() if ending else None
         self.job = self._job()
 
     def _job(self) -> NativeJob:
@@ -323,17 +201,17 @@ class _Call:
             work,
         )
 
-    def _looks(self) -> tuple[int, int, int, int, float]:
-        """Where signs are kept, at which rows they are looked for, how many rates are followed, the quantile."""
-        if self.signs is None:
-            return 0, 0, 0, 0, 0.0
+    def _looks(self) -> tuple[int, int, int, int, float, float]:
+        """Where signs are kept, at which rows they are looked for, how many rates are followed, what ends a pair."""
+        if self.signs is None or self.ending is None:
+            return 0, 0, 0, 0, 0.0, 0.0
         power = np.empty((len(self.signs), self.rows + 1))
         power[:, 0] = 0.0
         for sign, sums in zip(self.signs, power):
             sign.power = self.arena.array(sums)
         looks = [int(share * (self.rows - 1)) for share in _LOOKS]
         where = self.arena.structures(self.signs), self.arena.indices(looks)
-        return *where, len(looks), len(self.layout.rates), self.quantile
+        return *where, len(looks), len(self.layout.rates), self.ending.quantile, self.ending.part
 
     def _component(self, i: int) -> NativeComponent:
         part, kind = self.parts[i], kinds(_library())[self.parts[i].model]

@@ -112,6 +112,7 @@ class NativeJob(ctypes.Structure):
         ("n_looks", c_int64),
         ("n_rates", c_int64),
         ("quantile", c_double),
+        ("part", c_double),
         ("work", c_void_p),
     ]
 

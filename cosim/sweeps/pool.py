@@ -39,7 +39,8 @@ Answer = tuple[tuple[Point, ...], tuple[PointResult, ...]]
 @frozen
 class Task:
     """What an evaluator needs besides the points: scenario, fixed values, effects file, the level at which the sign of
-    a growth rate ends a run, whether a point is to be proven for every delay law.
+    a growth rate ends a run, whether a point is to be proven for every delay law, whether the rate is used and not only
+    its sign (a boundary is traced).
     """
 
     evaluator: str
@@ -48,6 +49,7 @@ class Task:
     effects: str | None = None
     sign_level: float | None = None
     any_delay: bool = False
+    traced: bool = False
 
 
 def function(name: str) -> Callable[[Task, Sequence[Point]], Sequence[PointResult]]:

@@ -26,6 +26,7 @@ from cosim.fmu import open_system
 from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import EVALUATORS, _signals, setup, simulation
+from cosim.sweeps.lane_refusal import lane_refusal
 from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import LocalPool, Task
 from tests.benchmarks.engines import Workload, figure, fmpy_lists, machine, timed
@@ -165,7 +166,7 @@ def kernel_against_cosimulation(rounds: int) -> list[tuple[str, float, float, fl
             ]
             wirings = [system.wiring(one) for one in lanes]
             record = _signals(wirings[0])
-            assert kernel.refusal(wirings[0], record) is None, kind
+            assert lane_refusal(wirings[0], record) is None, kind
             found, whole = kernel.run_batch(wirings, record)[1], run(lanes[1], system, record=record)
             same = all(found.signals[n].tobytes() == whole.signals[n].tobytes() for n in found.signals)
             times = [
@@ -225,9 +226,9 @@ def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, f
     grid = {"count": f"count = {count}", "design": "[grid]"}
     (folder / "map.toml").write_text(SPEC.format(level="sign_level = 0.95", **grid))
     (folder / "whole.toml").write_text(SPEC.format(level="", **grid))
-    (folder / "traced.toml").write_text(
-        SPEC.format(level="", count="", design='[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6')
-    )
+    boundary = {"count": "", "design": '[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'}
+    (folder / "traced.toml").write_text(SPEC.format(level="sign_level = 0.95", **boundary))
+    (folder / "whole_traced.toml").write_text(SPEC.format(level="", **boundary))
     swept = ("--workers", "2", "--no-report", "--out", "{out}")
     return [
         ("cosim --help", *repeated(9, folder, "--help")),
@@ -238,6 +239,7 @@ def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, f
             ),
         ),
         ("boundary traced, two workers", *repeated(15, folder, "sweep", str(folder / "traced.toml"), *swept)),
+        ("the same, every run to its end", *repeated(5, folder, "sweep", str(folder / "whole_traced.toml"), *swept)),
         (f"map {count} x {count}, two workers", *repeated(3, folder, "sweep", str(folder / "map.toml"), *swept)),
         ("the same, every run to its end", *repeated(3, folder, "sweep", str(folder / "whole.toml"), *swept)),
     ]

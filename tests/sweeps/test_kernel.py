@@ -21,6 +21,7 @@ from cosim.fmu import open_system
 from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import drawn
+from cosim.sweeps.lane_refusal import lane_refusal
 from cosim.sweeps.points import Point
 
 RECORD = ["arm_l.q", "arm_l.dq", "arm_r.x", "controller_r.f", "channel_lr.y"]
@@ -45,7 +46,7 @@ def worst(one, other):
 def check(scenarios, record=RECORD):
     with open_system(scenarios[0]) as system:
         wirings = [system.wiring(scenario) for scenario in scenarios]
-        assert [kernel.refusal(wiring, record) for wiring in wirings] == [None] * len(wirings)
+        assert [lane_refusal(wiring, record) for wiring in wirings] == [None] * len(wirings)
         found = kernel.run_batch(wirings, record)
         for scenario, result in zip(scenarios, found):
             expected = run(scenario, system, record=record)
@@ -219,13 +220,13 @@ REFUSED = {
 def test_refusals_in_words(words):
     scenario = load_scenario("sallam-stable").with_values(REFUSED[words])
     with open_system(scenario) as system:
-        assert kernel.refusal(system.wiring(scenario), RECORD) == words
+        assert lane_refusal(system.wiring(scenario), RECORD) == words
 
 
 def test_leaves_long_runs_to_the_executor_whose_table_may_lie_on_disk():
     scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 1e7})
     with open_system(scenario) as system:
-        assert "GB of memory" in kernel.refusal(system.wiring(scenario), RECORD)
+        assert "GB of memory" in lane_refusal(system.wiring(scenario), RECORD)
 
 
 def test_a_hand_that_feels_the_arm_and_a_wall():
@@ -243,14 +244,14 @@ def test_a_hand_that_feels_the_arm_and_a_wall():
 def test_refuses_loops_that_it_does_not_compute():
     with open_system(load_scenario("contact")) as system:
         wiring = system.wiring(load_scenario("contact").with_values({"environment.normal": [0.0, 0.0, 0.0]}))
-        assert kernel.refusal(wiring, []) == "environment: its normal is zero"
+        assert lane_refusal(wiring, []) == "environment: its normal is zero"
         late = system.wiring(load_scenario("contact").with_values({"operator.stop_time": -1.0}))
-        assert kernel.refusal(late, []) == "operator: its stop_time is before its start_time"
+        assert lane_refusal(late, []) == "operator: its stop_time is before its start_time"
     with open_system(load_scenario("inverse-dynamics")) as system:
-        assert "feels what is wired into it" in kernel.refusal(system.wiring(load_scenario("inverse-dynamics")), [])
+        assert "feels what is wired into it" in lane_refusal(system.wiring(load_scenario("inverse-dynamics")), [])
     with open_system(load_scenario("sallam-stable")) as system:
         wiring = system.wiring(load_scenario("sallam-stable"))
-        assert kernel.refusal(wiring, ["channel_lr.age"]) == (
+        assert lane_refusal(wiring, ["channel_lr.age"]) == (
             "channel_lr.age is to be recorded, which the kernel does not compute"
         )
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 from cosim.errors import InputError
 from cosim.sweeps.campaign import fingerprint
@@ -50,6 +51,7 @@ def test_where_the_sign_is_not_decided_the_verdict_is_that_of_the_whole_run():
 
 def test_a_sweep_that_decides_signs_has_a_journal_of_its_own():
     assert fingerprint(task()) != fingerprint(task(level=0.95)) != fingerprint(task(level=0.99))
+    assert fingerprint(task(level=0.95)) != fingerprint(evolve(task(level=0.95), traced=True))
 
 
 @pytest.mark.parametrize("level", [0.5, 1.0, 95.0, "high"])
@@ -57,3 +59,13 @@ def test_levels_are_shares(level):
     table = {"scenario": "sallam-nodelay", "sign_level": level, "grid": {}, "axes": [{"name": "a", "paths": ["a.b"]}]}
     with pytest.raises(InputError, match="sign_level: expected a number between 0.5 and 1"):
         parse_sweep(table, ROOT / "own.toml")
+
+
+def test_where_a_boundary_is_traced_a_run_ends_only_when_its_rate_is_known():
+    """To a fifth of itself, so that near the boundary, where the rate is small, every run goes on to its end."""
+    points = grid([0.4], [0.05, 0.22, 0.25, 0.28, 0.8])
+    signs, rates = (simulation(evolve(task(level=0.95), traced=traced), points) for traced in (False, True))
+    ended = [f for f in rates if f.numbers["simulated_time"] < 20.0]
+    assert 1 <= len(ended) < sum(f.numbers["simulated_time"] < 20.0 for f in signs)
+    assert all(f.high - f.low <= 0.4 * abs(f.growth_rate) for f in ended)
+    assert all(a.numbers["simulated_time"] <= b.numbers["simulated_time"] for a, b in zip(signs, rates))

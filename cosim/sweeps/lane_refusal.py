@@ -1,0 +1,145 @@
+"""Why the batch kernel cannot run a scenario: components, start values and signals that it does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from attrs import frozen
+
+from cosim.signals import stem
+from cosim.sweeps.lane import LaneComponent, LanePlaces
+from cosim.sweeps.structure import of_structure
+from cosim.wiring import Wiring
+
+_ARM_LAW = {
+    *("pi", "mounting", "payload", "base_tilt", "gravity_compensation", "workspace_limits", "internal_steps"),
+    *("viscous", "coulomb", "coulomb_velocity", "stiffness", "damping", "q_start", "dq_start"),
+    *("contact_stiffness", "contact_damping", "contact_normal", "contact_distance"),
+    *("tau", "f", "f_command", "x_ref"),
+    *("coulomb_form", "stribeck", "stribeck_velocity", "stribeck_exponent", "coulomb_asymmetry", "viscous_asymmetry"),
+    *("torque_offset", "load_friction", "position_friction_sin", "position_friction_cos", "position_torque"),
+    *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
+    *("ripple_sin", "ripple_cos", "ripple_order", "hysteresis", "hysteresis_length", "hysteresis_exponent"),
+    *("hysteresis_ratio", "hysteresis_tilt", "quadratic_drag", "friction_drift", "friction_drift_time"),
+    *("torque_gain", "torque_deadband", "stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
+    *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
+}
+"""What may differ from the table in the kernel's arm: not what makes a joint elastic, late or limited, nor encoders."""
+_CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0), "stop_side": (-1.0, 1.0)}
+"""The numbers that the arm takes for them."""
+_MOST_OUTPUTS = 12  # of a series
+_LEAST_BOUND = 1e5
+"""The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
+_MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
+
+
+def lane_refusal(wiring: Wiring, record: Sequence[str] = ()) -> str | None:
+    """Why the kernel cannot run a scenario, in words for the user; None where it can. `record`: signals wanted."""
+    if wiring.scenario.experiment.bound < _LEAST_BOUND:
+        return f"experiment.bound is {wiring.scenario.experiment.bound:g}, and the kernel watches what it computes only"
+    found = _structure(wiring, tuple(record))
+    if found.reason is not None:
+        return found.reason
+    for part in found.parts:
+        if (reason := _unfit(part.starting(wiring), wiring)) is not None:
+            return f"{part.name}: {reason}"
+    return found.unseen
+
+
+@frozen
+class _Structure:
+    """What the kernel says to a wiring whatever its start values.
+
+    reason: why it does not apply; unseen: what it does not compute, which is said after what start values are unfit.
+    """
+
+    parts: tuple[LaneComponent, ...]
+    reason: str | None
+    unseen: str | None
+
+
+@of_structure
+def _structure(wiring: Wiring, record: tuple[str, ...]) -> _Structure:
+    parts = LaneComponent.all(wiring)
+    return _Structure(parts, _too_large(wiring, record), _unseen(wiring, parts, record))
+
+
+def _too_large(wiring: Wiring, record: Sequence[str]) -> str | None:
+    kept = sum(name in record or stem(name) in record for name in wiring.signals)
+    from build_fmus.library import vectors
+
+    if (size := 8 * vectors()[0] * kept * wiring.scenario.experiment.rows) <= _MOST_BYTES:
+        return None
+    return f"the table of a batch would take {size / 1e9:.3g} GB of memory (experiment.record_every makes it shorter)"
+
+
+def _unseen(wiring: Wiring, parts: Sequence[LaneComponent], record: Sequence[str]) -> str | None:
+    places = LanePlaces.of(wiring, parts)
+    for link in wiring.links:
+        if str(link.source) not in places.number:
+            return f"{link.source} is wired, which the kernel does not compute"
+        if link.scaled:
+            return f"{link.source} is changed on the way, which the kernel does not compute"
+    stems = {stem(name) for name in places.number}
+    missing = [name for name in record if name not in places.number and name not in stems]
+    return f"{missing[0]} is to be recorded, which the kernel does not compute" if missing else None
+
+
+def _unfit(part: LaneComponent, wiring: Wiring) -> str | None:
+    if wiring.scenario.components[part.name].step_multiple != 1:
+        return "it has a step multiple"
+    if not part.model and part.inputs:
+        own = wiring.scenario.components[part.name]
+        return f"{own.kind if own.model else 'a foreign FMU'} feels what is wired into it"
+    if not part.model:
+        return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
+    return _UNFIT.get(part.model, _fit)(part)
+
+
+def _fit(part: LaneComponent) -> str | None:
+    return None
+
+
+def _unfit_arm(part: LaneComponent) -> str | None:
+    variables = part.description.variables
+    for name, value in part.starts.items():
+        if stem(name) not in _ARM_LAW and value != variables[name].start:
+            return f"its {name} is {value!r}"
+        if value not in _CHOSEN.get(stem(name), (value,)):
+            return f"its {name} is {value!r}"
+    if part.number("contact_stiffness") > 0 and not any(part.number(f"contact_normal[{i}]") for i in (1, 2, 3)):
+        return "its contact_normal is zero"
+    return None
+
+
+def _unfit_channel(part: LaneComponent) -> str | None:
+    if "delay" in part.inputs:
+        return "its input delay is wired"
+    if part.choice("law") == "recorded":
+        return "its delay is recorded"
+    if part.loses and not part.packets:
+        return "it loses samples of a plain time delay"
+    low, high = part.number("delay_min"), part.number("delay_max")
+    if part.choice("law") != "constant" and high < low:
+        return "its delay_max is below its delay_min"
+    if part.choice("law") == "random_walk" and part.number("delay_step") > high - low:
+        return "its delay_step is longer than its delays"
+    return None
+
+
+def _unfit_operator(part: LaneComponent) -> str | None:
+    return "its stop_time is before its start_time" if part.number("stop_time") < part.number("start_time") else None
+
+
+def _unfit_environment(part: LaneComponent) -> str | None:
+    length = sum(part.number(f"normal[{i}]") ** 2 for i in (1, 2, 3))
+    return "its normal is zero" if part.choice("surface") == "wall" and length <= 1e-12 else None
+
+
+_UNFIT = {
+    "PhantomArm": _unfit_arm,
+    "VariableDelayChannel": _unfit_channel,
+    "Operator": _unfit_operator,
+    "Environment": _unfit_environment,
+}
+"""Start values that the FMUs refuse, or that the kernel does not compute, of each of its models."""

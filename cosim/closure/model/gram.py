@@ -161,10 +161,19 @@ def accumulate(columns: np.ndarray, y: np.ndarray, block: np.ndarray, blocks: in
     edges = np.searchsorted(block[order], np.arange(blocks + 1))
     place = edges[:-1, None] + np.arange(np.diff(edges).max())  # (B, L); blocks are padded with the last row, of zeros
     rows = np.append(order, len(block))[np.where(place < edges[1:, None], place, len(block))]
-    x, t = (np.pad(a, ((0, 0), (0, 1), (0, 0)))[:, rows] for a in (columns, y[..., None]))
-    g, h, s = (np.swapaxes(np.swapaxes(u, 2, 3) @ v, 0, 1) for u, v in ((x, x), (x, t), (t, t)))
     count = np.zeros((blocks, len(columns)))
-    np.add.at(count, block, (np.abs(columns).max(axis=2, initial=0) > 0).T)
-    return Gram(
-        np.ascontiguousarray(g), np.ascontiguousarray(h[..., 0]), np.ascontiguousarray(s[..., 0, 0]), count, train
-    )
+    np.add.at(count, block, (columns != 0).any(axis=2).T)
+    torque = np.pad(y[..., None], ((0, 0), (0, 1), (0, 0)))[:, rows]  # (J, B, L, 1)
+    joints = [_products(x, t, rows) for x, t in zip(columns, torque, strict=True)]  # one by one, to limit memory
+    g, h, s = (np.stack(parts, axis=1) for parts in zip(*joints, strict=True))
+    return Gram(g, h, s, count, train)
+
+
+def _products(columns: np.ndarray, t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """X^T X (B, p, p), X^T t (B, p) and t^T t (B,) of each block, of a joint's columns (m, p) and torque t (B, L, 1).
+
+    rows (B, L): numbers of the rows of each block; m stands for none.
+    """
+    x = np.pad(columns, ((0, 1), (0, 0)))[rows]
+    across = np.swapaxes(x, 1, 2)
+    return across @ x, (across @ t)[..., 0], (np.swapaxes(t, 1, 2) @ t)[..., 0, 0]

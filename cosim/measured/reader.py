@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cosim.errors import InputError, Problem
 from cosim.measured import content, units
 from cosim.measured.alignment import aligned
-from cosim.measured.description import RecordingDescription
 from cosim.measured.pairs import with_joined_stamps
 from cosim.measured.stamps import StampUnit, check_step, origin, seconds, typical_step
 from cosim.measured.table import RawTable
+
+if TYPE_CHECKING:
+    from cosim.measured.description import RecordingDescription
 
 Note = Callable[[str], None]
 
@@ -59,7 +61,7 @@ def _reader(kind: str) -> Callable[[Path], RawTable]:
     return lambda path: read_ros(path, kind)
 
 
-def needed(table: RawTable, description: RecordingDescription, note: Note) -> dict[str, np.ndarray]:
+def needed(table: RawTable, description: "RecordingDescription", note: Note) -> dict[str, np.ndarray]:
     """The columns that the description names: time in seconds, numbers as float64, labels as text.
 
     A signal whose own unit the file names and the description does not is converted to SI, and told.
@@ -199,7 +201,7 @@ def _numbers(table: RawTable, name: str, column: np.ndarray, problems: list[Prob
 
 def _in_si(
     table: RawTable,
-    description: RecordingDescription,
+    description: "RecordingDescription",
     found: Mapping[str, np.ndarray],
     problems: list[Problem],
     note: Note,

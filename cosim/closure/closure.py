@@ -216,8 +216,8 @@ def _warnings(before: Model, verdict: ClosureVerdict) -> list[str]:
     if before.skew > 0:
         out.append(
             f"the recorded torque acts {1e3 * before.skew:.3g} ms late "
-            f"({before.skew / motion.sample:.2g} samples): taken as sampling, "
-            "not as an effect"
+            f"({before.skew / motion.sample:.2g} samples): taken as sampling; "
+            "a lag of the drive as short would look the same"
         )
     out += [*_range_warnings(motion), *unseparated(before)]
     out += [f"{e.run}, {e.time:.3f} s, joint {e.joint + 1}: {e.kind}" for e in verdict.events]

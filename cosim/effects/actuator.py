@@ -18,7 +18,7 @@ _FAST = "excitation with periods near the lag itself (fast chirps or steps of to
 _LINK = "an encoder on the link, or larger and smaller motions: a lag does not depend on the amplitude"
 _BEHIND = (Alias("backlash", _LINK), Alias("joint_elasticity", _LINK))
 LONGEST = 0.06  # s, of lags and delays that a torque loop may have
-LEAST_LAG = 3.0  # samples: what hold, exchange and differentiation of a recording may cost is no lag of the drive
+LEAST_LAG = 1.5  # samples: half a sample of hold and one of exchange, which recording may cost, are no lag of the drive
 
 
 class Late(Effect):

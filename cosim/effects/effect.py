@@ -124,6 +124,10 @@ class Effect(ABC):
         """Which nonlinear parameters are continuous and may be refined; none by default."""
         return ()
 
+    def agreed(self, theta: Theta, beta: np.ndarray) -> Theta:
+        """theta with what the coefficients (k,) say of it, where they say the same; as it is by default."""
+        return theta
+
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
         return (*theta[:index], theta[index] * (1 + step), *theta[index + 1 :])

@@ -71,12 +71,16 @@ class JointElasticity(Effect):
     def untestable(self, scene: Scene, joints: Joints) -> str:
         return "" if scene.rigid_slopes is not None else "the device has no equations of motion to bend"
 
+    def unseen(self, scene: Scene) -> tuple[str, ...]:
+        return self.signals if scene.device.recorded_columns else ()
+
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         """Resonances as far apart as their peak is wide: beside it the motion of the link is out of phase."""
         return tuple((float(w), z, USUAL_SHARE) for z in DAMPINGS for w in _resonances(scene, 1 + 2 * z))
 
     def continuous(self, theta: Theta) -> tuple[int, ...]:
-        return (0, 1, 2)
+        """Without the motor's share: where the inertia hardly varies, the coefficient says the same."""
+        return (0, 1)
 
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         w, z, share, *gap = super().moved(theta, index, step)
@@ -115,6 +119,11 @@ class JointElasticity(Effect):
         return {
             per_joint(name, joints): value for name, value in (*values.items(), *zip(("backlash",), gap, strict=False))
         }
+
+    def agreed(self, theta: Theta, beta: np.ndarray) -> Theta:
+        """With the share that makes the coefficient 1."""
+        w, z, share, *gap = theta
+        return (w, z, float(np.clip(1 - (1 - share) * beta[0], 0.02, 0.95)), *gap)
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         part = _links_part(estimate)
@@ -167,7 +176,7 @@ class Backlash(JointElasticity):
         return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.15, 0.6) for g in gaps)
 
     def continuous(self, theta: Theta) -> tuple[int, ...]:
-        return (3, 0, 1, 2)
+        return (3, 0, 1)
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (Label("share of the link's torque"),)

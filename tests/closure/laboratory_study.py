@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections import Counter
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 
 import cosim
@@ -68,7 +69,7 @@ def judged(truth: dict, answer: dict, kind: str) -> list[str]:
     sure = {e["name"] for e in answer["effects"] if not e["indistinguishable_from"]} - {"unknown"}
     if kind in ("one", "pair") and all(any({name, *alike} & s for s in sets) for name in wanted):
         words.append("right")
-    elif kind == "one" and family_is_right(truth, answer):
+    elif (kind == "one" and family_is_right(truth, answer)) or (kind == "pair" and all_is_told(truth, answer)):
         words += ["right", "by family"]
     if kind == "outside" and (answer["verdict"] == "unexplained" or any("unknown" in s for s in sets)):
         words.append("right")
@@ -76,19 +77,37 @@ def judged(truth: dict, answer: dict, kind: str) -> list[str]:
 
 
 def family_is_right(truth: dict, answer: dict) -> bool:
-    """Whether what is left without a name, on a joint of the phenomenon, depends on the phenomenon's own signals, or is
-    said not to be told from what does. With a history goes the direction.
+    """Whether what is left without a name, or a law that may as well be a nameless function, is on a joint of the
+    phenomenon and depends on its own signals, or is said not to be told from what does.
     """
-    wanted = {plain(word) for word in truth["depends_on"]}
-    for effect in answer["effects"]:
-        if effect["name"] == "unknown" and set(effect["joints"]) & set(truth["joints"]):
-            for signals in (effect["signals"], *effect["or_signals"]):
-                found = {plain(signal) for signal in signals}
-                if {"dq"} <= found and "history" in found:
-                    found -= {"dq"}
-                if found == wanted - ({"dq"} if "history" in wanted else set()):
-                    return True
-    return False
+    wanted = alone({plain(word) for word in truth["depends_on"]})
+    return any(
+        alone(found) == wanted
+        for effect in answer["effects"]
+        if set(effect["joints"]) & set(truth["joints"])
+        and "unknown" in (effect["name"], *effect["indistinguishable_from"])
+        for found in signals(effect)
+    )
+
+
+def all_is_told(truth: dict, answer: dict) -> bool:
+    """Whether several effects on the joints of the phenomena depend, taken together, on the signals of all of them."""
+    wanted = alone({plain(word) for word in truth["depends_on"]})
+    mine = [signals(e) for e in answer["effects"] if set(e["joints"]) & set(truth["joints"])]
+    return len(mine) > 1 and any(alone(set().union(*each)) == wanted for each in product(*mine))
+
+
+def signals(effect: dict) -> list[set[str]]:
+    """What an effect of the answer depends on; of one without a name also what it is not told from."""
+    if effect["name"] == "unknown":
+        return [{plain(s) for s in some} for some in (effect["signals"], *effect["or_signals"])]
+    words = effect["family"].removeprefix("a torque that depends on ").replace("history of ", "history_").split(" and ")
+    return [{"history"} if "drive delivers" in effect["family"] else {plain(word) for word in words}]
+
+
+def alone(found: set[str]) -> set[str]:
+    """With a history goes the direction."""
+    return found - {"dq"} if "history" in found else found
 
 
 def plain(word: str) -> str:

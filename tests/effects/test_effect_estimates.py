@@ -15,7 +15,7 @@ from cosim.closure.model.model import complete, with_choices
 from cosim.closure.model.motion import prepare, thinned
 from cosim.closure.model.setting import formulate
 from cosim.closure.score.errors import torque_error
-from cosim.closure.score.null import Screen, Screened
+from cosim.closure.score.screen import Screen, Screened
 from cosim.closure.score.search import refined, resettled
 from cosim.closure.verdict import intervals
 from cosim.effects import BUILT_IN, EffectEstimate

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from build_fmus.library import library_path, vectors
 from cosim.closure.closure import Options, close_loop
-from cosim.closure.score.null import Screen
+from cosim.closure.score.screen import Screen
 from cosim.effects import library
 from cosim.effects.transmission import behind
 from cosim.engine.master import run

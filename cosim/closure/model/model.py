@@ -396,6 +396,11 @@ def with_choices(model: Model, choices: tuple[ChosenEffect, ...], passes: int = 
     return new
 
 
+def with_effect(model: Model, choice: ChosenEffect) -> Model:
+    """The model with one more effect, columns formed from it as it stands."""
+    return evolve(model, choices=(*model.choices, choice), seen=model.scene)
+
+
 def _reweighted(model: Model) -> Model:
     scale = np.sqrt(model.fit.variance) / model.weight
     return evolve(model, weight=np.where(model.setting.use.any(axis=1), 1 / np.maximum(scale, 1e-12), model.weight))

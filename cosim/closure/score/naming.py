@@ -8,8 +8,8 @@ families in their place:
     else                             names that earn MARGIN of B beside the families stand, and something else is left.
 
 Several names whose place one family takes as well (within SAME standard errors) are withdrawn: it needs fewer words.
-One such name is not sure. A family of a law's own signals, which holds the law, takes no name away: where the law
-leaves something to it, the family is sure and the law is not.
+One such name is not sure. A family of a law's own signals, which holds the law, takes no name away, but several names
+than which it alone tells more: where the law leaves something to it, the family is sure and the law is not.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,8 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.families import Family
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.compare import gained, preferred
-from cosim.closure.score.null import Screened, ranked_laws, screened_families
+from cosim.closure.score.null import ranked_laws, screened_families
+from cosim.closure.score.screen import Screened
 from cosim.closure.score.search import EffectSearch, refined, resettled
 from cosim.effects import Effect
 from cosim.effects.constants import MARGIN, SAME
@@ -171,9 +172,12 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
     alone = with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in place.values())))
     instead = gained(alone, rest, joints)
     titles = " and ".join(fitted.family.title for fitted in place.values())
+    one, more = _one_for_all(model, rest, joints) if len(mine) > 1 else ("", False)
+    if more:
+        return _Group(f"{one} explains more than all of {', '.join(c.effect.name for c in mine)}")
     if earned >= (1 - MARGIN) * max(both, instead):
         if len(joints) > 1 or preferred(model, alone, joints) > SAME:
-            return _Group()
+            return _Group(doubt=one and f"{one} explains as much as all of its joint's names")
         if len(mine) > 1 and instead > (1 - MARGIN) * earned:
             return _Group(f"{titles} explains as much as all of {', '.join(c.effect.name for c in mine)}")
         return _Group(
@@ -182,10 +186,21 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
     if earned >= (1 - MARGIN) * instead:
         return _Group()
     if instead >= (1 - MARGIN) * both:
-        return _Group(f"it explains {100 * earned / instead:.0f} % of what {titles} explains in its place")
+        share = 100 * max(earned, 0.0) / max(instead, 1e-9)
+        return _Group(f"it explains {share:.0f} % of what {titles or 'nothing'} explains in its place")
     stays = tuple(c for c in mine if _stands(whole, rest, c, joints))
     text = f"it earns less than {100 * MARGIN:.0f} % of what can be explained beside {titles}"
     return _Group(text if len(stays) < len(mine) else "", stays)
+
+
+def _one_for_all(model: Model, rest: Model, joints: Joints) -> tuple[str, bool]:
+    """The family of each joint that tells as much as all names there, their own signals among them, in words; whether
+    it tells more.
+    """
+    best = best_families(rest, joints, need=False)
+    alone = with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in best.values())))
+    words = " and ".join(fitted.family.title for fitted in best.values())
+    return "" if preferred(model, alone, joints) > SAME else words, preferred(alone, model, joints) > SAME
 
 
 def _stands(whole: Model, rest: Model, choice: ChosenEffect, joints: Joints) -> bool:

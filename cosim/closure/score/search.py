@@ -9,7 +9,8 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import Model, settled, with_choices
 from cosim.closure.score.compare import gained, preferred
-from cosim.closure.score.null import Screened, Tried, Untestable, ranked_laws, screened_laws
+from cosim.closure.score.null import ranked_laws, screened_laws
+from cosim.closure.score.screen import Screened, Tried, Untestable
 from cosim.effects import Effect
 from cosim.effects.actuator import Erasing, Late
 from cosim.effects.constants import SAME
@@ -68,18 +69,20 @@ def search(
 
 
 def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
-    """The model in which laws that were taken while others were still missing have given way to those that unseen
-    blocks prefer in their place (stepwise search with replacement: Miller 2002, Subset Selection in Regression).
+    """The model in which laws that were taken while others were still missing have found their place again: with other
+    values of their nonlinear parameters, or given way to those that unseen blocks prefer (stepwise search with
+    replacement: Miller 2002, Subset Selection in Regression).
     """
     given = {c.key for c in before.choices}
     for choice in model.choices[:-1]:  # the last one has been compared with all others
         if choice.key in given or choice not in model.choices:
             continue
         rest = with_choices(model, tuple(c for c in model.choices if c is not choice))
-        found = ranked_laws(rest, effects, model.acting(model.choices.index(choice)))
-        new = _best(rest, [x for x in found if x.choice.effect.key != choice.effect.key])
+        new = _best(rest, ranked_laws(rest, effects, model.acting(model.choices.index(choice))))
         new = new and resettled(new)
-        if new and gained(new, model) > 0 and preferred(new, model) > SAME:
+        if new is None or gained(new, model) <= LEAST_GAIN:
+            continue
+        if new.choices[-1].key == choice.key or preferred(new, model) > SAME:
             model = new
     return model
 
@@ -100,13 +103,13 @@ def _best(model: Model, found: Sequence[Screened]) -> Model | None:
     """The model with the law of most nats of those that are preferred by blocks left out. A nonlinear
     parameter, which all blocks have seen, costs one (Akaike 1974).
     """
-    found = found[:SHORT]
-    tried = [with_choices(model, (*model.choices, refined(x))) for x in found if x.gain[0] > WORTH * found[0].gain[0]]
-    good = [
-        new
-        for new in tried
-        if gained(new, model) > 0 and preferred(new, model) > SAME and not new.unphysical(len(new.choices) - 1)
-    ]
+    found, good = found[:SHORT], []
+    for x in (x for x in found if x.gain[0] > WORTH * found[0].gain[0]):
+        new = with_choices(model, (*model.choices, refined(x)))
+        if new.unphysical(len(model.choices)) and gained(new, model) > 0:
+            new = resettled(new)  # what is fitted beside it may have to move first
+        if gained(new, model) > 0 and preferred(new, model) > SAME and not new.unphysical(len(model.choices)):
+            good.append(new)
     return max(
         good, key=lambda new: new.score() - len(new.choices[-1].effect.continuous(new.choices[-1].theta)), default=None
     )
@@ -118,6 +121,10 @@ def resettled(model: Model) -> Model:
     """
     for _ in range(DESCENTS):
         model = with_choices(settled(model), model.choices)
+        thetas = (c.effect.agreed(c.theta, model.beta(k)) for k, c in enumerate(model.choices))
+        agreed = tuple(evolve(c, theta=theta) for c, theta in zip(model.choices, thetas, strict=True))
+        if agreed != model.choices and gained(new := with_choices(model, agreed), model) > 0:
+            model = new
         new = _descended(model)
         if new is None:
             break

@@ -91,10 +91,10 @@ def family_is_right(truth: dict, answer: dict) -> bool:
 
 
 def all_is_told(truth: dict, answer: dict) -> bool:
-    """Whether several effects on the joints of the phenomena depend, taken together, on the signals of all of them."""
+    """Whether the effects on the joints of the phenomena depend, taken together, on the signals of all of them."""
     wanted = alone({plain(word) for word in truth["depends_on"]})
     mine = [signals(e) for e in answer["effects"] if set(e["joints"]) & set(truth["joints"])]
-    return len(mine) > 1 and any(alone(set().union(*each)) == wanted for each in product(*mine))
+    return any(alone(set().union(*each)) == wanted for each in product(*mine))
 
 
 def signals(effect: dict) -> list[set[str]]:

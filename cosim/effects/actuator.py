@@ -104,7 +104,7 @@ class TorqueGain(Effect):
     unit = "1"
     sharp = False
     dynamic = True
-    signals = ("tau",)
+    signals: tuple[str, ...] = ("tau",)
     aliases: tuple[Alias, ...] = (Alias("payload", "gravity held at rest in two poses, a known mass"),)
     needs = "declared parameters: otherwise the gain is absorbed in the parameters"
 
@@ -126,7 +126,7 @@ class Erasing(Effect):
     """A part of the command is not delivered, whatever it was: theta (N m)."""
 
     actuator = True
-    signals = ("tau",)
+    signals: tuple[str, ...] = ("tau",)
 
     def continuous(self, theta: Theta) -> tuple[int, ...]:
         return (0,)

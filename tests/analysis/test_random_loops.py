@@ -13,7 +13,7 @@ from cosim.analysis.evidence import UNSTABLE
 from cosim.scenario import Scenario
 from tests.support.own_fmus import own_loop, remembering_controller, static_controller
 
-NORMAL = 24
+NORMAL = 50
 CLEAR = 0.02
 """Growth [1/s] from which a run of 12 s tells its sign."""
 

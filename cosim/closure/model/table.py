@@ -43,7 +43,7 @@ class PositionTable(Effect):
     high: float
     name = "unknown"
     nameless = True
-    signals = ("q", "dq")
+    signals: tuple[str, ...] = ("q", "dq")
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         j = joints[0]

@@ -22,7 +22,7 @@ class LoadFriction(Effect):
     source = "Hamon, Gautier, Garrec, Janot 2010, AIM; capstan equation for cables"
     unit = "1"
     dynamic = True
-    signals = ("tau", "dq")
+    signals: tuple[str, ...] = ("tau", "dq")
     aliases: tuple[Alias, ...] = (Alias("position_friction", "the same angles under another load"),)
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:

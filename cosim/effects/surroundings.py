@@ -25,7 +25,7 @@ class FrictionDrift(Effect):
     """
 
     name = "friction_drift"
-    signals = ("time", "dq")
+    signals: tuple[str, ...] = ("time", "dq")
     of_time = True
     title = "friction that drifts with time"
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"

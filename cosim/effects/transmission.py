@@ -55,7 +55,7 @@ class JointElasticity(Effect):
     """
 
     name = "joint_elasticity"
-    signals = ("history of q", "tau")
+    signals: tuple[str, ...] = ("history of q", "tau")
     smooths = True
     family = "what happens between motor and link"
     title = "elastic joint"

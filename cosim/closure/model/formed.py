@@ -12,6 +12,7 @@ from cosim.effects.actuator import Erasing
 from cosim.effects.motion import Columns
 
 Kept = dict[Hashable, np.ndarray]
+STATIC = 24  # laws kept with their values: those of a model, and the steps of a search from it
 BASES = 4  # kept of each joint: with and without the tangent, of the model before and of the one at hand
 
 
@@ -36,6 +37,12 @@ class FormedColumns:
         self.base[key] = columns
         while len(self.base) > BASES * self.setting.joints:
             del self.base[next(iter(self.base))]
+
+    def keep_static(self, key: Hashable, columns: Columns) -> None:
+        """Keep columns of an effect, and let the oldest go where there are many: each step of a search leaves some."""
+        self.static[key] = columns
+        while len(self.static) > STATIC:
+            del self.static[next(iter(self.static))]
 
     def forget(self) -> None:
         """Let go what would only save time in another search."""

@@ -120,7 +120,7 @@ class Model:
             return self.formed_now(choice, scene)
         key = choice.effect.key, choice.joints, choice.theta, self.laws, tuple(map(self.late, choice.joints))
         if key not in self.formed.static:
-            self.formed.static[key] = self.formed_now(choice, scene)
+            self.formed.keep_static(key, self.formed_now(choice, scene))
         return self.formed.static[key]
 
     def formed_now(self, choice: ChosenEffect, scene: Scene) -> Columns:

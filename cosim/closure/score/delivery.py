@@ -25,7 +25,7 @@ class Delivery:
     def behind(self, effect: Effect, joints: Joints, theta: Theta, count: int) -> list[np.ndarray]:
         """Residuals (m, count) of each joint, of the data and of replicates, with a lag or delay of some joints."""
         r, skew = self.of, self._skew_of(joints)
-        x, y = list(r.x), [v[:, :count] for v in r.replicated]
+        x, y = list(r.x), r.recorded(count)
         equations = [(g, h[:, :count]) for g, h in r.unpassed]
         for j in joints:
             x[j], given = self._passed(effect, j, theta)

@@ -115,16 +115,23 @@ class Replicates:
         e = np.concatenate([self.left[..., None], self.flipped], axis=2)
         return e - self.x @ self.solved(self.x, e)
 
-    @cached_property
-    def replicated(self) -> np.ndarray:
-        """Scaled torque (J, m, 1 + R) of data and replicates: prediction and residuals."""
-        prediction = (self.y - self.left)[..., None] + self.flipped
-        return np.concatenate([self.y[..., None], prediction], axis=2)
+    def recorded(self, count: int) -> list[np.ndarray]:
+        """Scaled torque (m, count) of each joint, of the data and of replicates: prediction and residuals. Formed anew
+        each time: of a long recording they are large.
+        """
+        if count == 1:
+            return [y[:, None] for y in self.y]
+        made = (y - left for y, left in zip(self.y, self.left, strict=True))
+        return [
+            np.concatenate([y[:, None], p[:, None] + flipped[:, : count - 1]], axis=1)
+            for y, p, flipped in zip(self.y, made, self.flipped, strict=True)
+        ]
 
     @cached_property
     def unpassed(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Normal equations of every joint, through no lag or delay, of data and replicates."""
-        return [self.equations(j, x, y) for j, (x, y) in enumerate(zip(self.x, self.replicated, strict=True))]
+        every = self.recorded(1 + self.replicates)
+        return [self.equations(j, x, y) for j, (x, y) in enumerate(zip(self.x, every, strict=True))]
 
     @cached_property
     def loss(self) -> np.ndarray:

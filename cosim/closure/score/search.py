@@ -103,16 +103,19 @@ def _best(model: Model, found: Sequence[Screened]) -> Model | None:
     """The model with the law of most nats of those that are preferred by blocks left out. A nonlinear
     parameter, which all blocks have seen, costs one (Akaike 1974).
     """
-    found, good = found[:SHORT], []
-    for x in (x for x in found if x.gain[0] > WORTH * found[0].gain[0]):
+    best, most = None, -np.inf  # of long recordings a model is large: no list of them
+    for x in found[:SHORT]:
+        if x.gain[0] <= WORTH * found[0].gain[0]:
+            continue
         new = with_choices(model, (*model.choices, refined(x)))
         if new.unphysical(len(model.choices)) and gained(new, model) > 0:
             new = resettled(new)  # what is fitted beside it may have to move first
-        if gained(new, model) > 0 and preferred(new, model) > SAME and not new.unphysical(len(model.choices)):
-            good.append(new)
-    return max(
-        good, key=lambda new: new.score() - len(new.choices[-1].effect.continuous(new.choices[-1].theta)), default=None
-    )
+        nats = new.score() - len(new.choices[-1].effect.continuous(new.choices[-1].theta))
+        if nats <= most or gained(new, model) <= 0 or new.unphysical(len(model.choices)):
+            continue
+        if preferred(new, model) > SAME:
+            best, most = new, nats
+    return best
 
 
 def resettled(model: Model) -> Model:

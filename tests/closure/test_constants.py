@@ -13,12 +13,11 @@ PLAIN = {0, 1, 2, -1, 100}  # counts, signs, percent
 KINDS = {
     "numerics": """
         gram.4 model.FELT compare.3 errors.3 screen.WITHIN screen.SMOOTHING screen.NEGLIGIBLE replicates.0.5
-        formed.STATIC naming.CLOSE search.WORTH search.REACH search.LEAST_GAIN checks.8 closure.1e-12 controller.3
+        naming.CLOSE search.WORTH search.REACH search.LEAST_GAIN checks.8 closure.1e-12 controller.3
         smoothing.1e-12
         refusal.1e-09 refusal.1e-30 actuator.1e-09 model.FEWEST_ROWS moving_arm.6 moving_arm.UPRIGHT surroundings.3
         surroundings.4 surroundings.0.9 surroundings.0.1 surroundings.LASTING
     """,
-    "what is kept to save time": "formed.BASES",
     "bounds of physical parameters": """
         actuator.LONGEST actuator.0.6 mounting.0.5 moving_arm.UNBALANCED position.0.2 position.0.001 position.FEWEST
         speed.ENDED speed.RISEN surroundings.8.0 surroundings.0.2 surroundings.DAMPED surroundings.0.6

@@ -156,7 +156,7 @@ def test_odd_descriptions_are_bad_input(cases, tmp_path, name, words):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_memory_of_close_loop_grows_with_the_rows_where_many_effects_are_accepted(cases, tmp_path):
-    """Of 200,000 rows it was over 14 GB, and grew faster than they; 400,000 take 4.4 to 5 GB."""
+    """3.2 and 5.0 GB; of 200,000 rows it was over 14 GB, and grew faster than they."""
     assert command(tmp_path, "run", "identification", "--no-report", "--out", "r").returncode == 0
     made, gigabytes = cases / "reliability/06-close-loop-memory/mkcsv.py", []
     for rows in (200_000, 400_000):
@@ -167,5 +167,6 @@ def test_memory_of_close_loop_grows_with_the_rows_where_many_effects_are_accepte
         process.returncode = os.waitstatus_to_exitcode(status)
         assert process.returncode == 0
         gigabytes.append(used.ru_maxrss * 1024 / 1e9)
+    print(*(f"{x:.2f} GB" for x in gigabytes))
     assert len(json.loads((tmp_path / "c400000/closure.json").read_text())["effects"]) > 1
-    assert gigabytes[0] < 4.0 and gigabytes[1] < 2.2 * gigabytes[0]
+    assert gigabytes[0] < 4.0 and gigabytes[1] < 2 * gigabytes[0]

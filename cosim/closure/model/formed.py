@@ -1,7 +1,7 @@
 """Columns that do not depend on the fit: formed once for a setting and shared by all models of it."""
 
 from collections.abc import Hashable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from attrs import define, field
@@ -12,6 +12,7 @@ from cosim.effects.actuator import Erasing
 from cosim.effects.motion import Columns
 
 Kept = dict[Hashable, np.ndarray]
+Value = TypeVar("Value")
 STATIC = 24  # laws kept with their values: those of a model, and the steps of a search from it
 BASES = 4  # kept of each joint: with and without the tangent, of the model before and of the one at hand
 
@@ -31,18 +32,12 @@ class FormedColumns:
     _erased: dict[Hashable, tuple[np.ndarray, np.ndarray]] = field(factory=dict, init=False, repr=False)
 
     def keep_base(self, key: Hashable, columns: np.ndarray) -> None:
-        """Keep columns of the complete model, and let the oldest go where there are many: each search for a friction
-        law leaves some that no model has any more.
-        """
-        self.base[key] = columns
-        while len(self.base) > BASES * self.setting.joints:
-            del self.base[next(iter(self.base))]
+        """Keep columns of the complete model: each search for a friction law leaves some that no model has any more."""
+        _keep(self.base, key, columns, BASES * self.setting.joints)
 
     def keep_static(self, key: Hashable, columns: Columns) -> None:
-        """Keep columns of an effect, and let the oldest go where there are many: each step of a search leaves some."""
-        self.static[key] = columns
-        while len(self.static) > STATIC:
-            del self.static[next(iter(self.static))]
+        """Keep columns of an effect: each step of a search leaves some."""
+        _keep(self.static, key, columns, STATIC)
 
     def forget(self) -> None:
         """Let go what would only save time in another search."""
@@ -71,3 +66,10 @@ class FormedColumns:
             parts = [rows.filtered(x[:, None], False)[:, 0] for x in (lost, left)]
             self._erased[key] = parts[0], np.clip(parts[1], 0.0, 1.0)
         return self._erased[key]
+
+
+def _keep(kept: dict[Hashable, Value], key: Hashable, value: Value, most: int) -> None:
+    """Keep a value, and let the oldest go where there are many."""
+    kept[key] = value
+    while len(kept) > most:
+        del kept[next(iter(kept))]

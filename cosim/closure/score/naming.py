@@ -168,11 +168,10 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
     whole = with_choices(model, (*model.choices, *beside)) if beside else model
     both = max(gained(whole, rest, joints), earned)
     own = tuple(set(c.effect.signals) for c in mine)
-    place = best_families(rest, joints, need=False, besides=own)
-    alone = with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in place.values())))
+    screened = screened_families(rest, joints)
+    alone, titles = _instead(rest, joints, screened, own)
     instead = gained(alone, rest, joints)
-    titles = " and ".join(fitted.family.title for fitted in place.values())
-    one, more = _one_for_all(model, rest, joints) if len(mine) > 1 else ("", False)
+    one, more = _one_for_all(model, rest, joints, screened) if len(mine) > 1 else ("", False)
     if more:
         return _Group(f"{one} explains more than all of {', '.join(c.effect.name for c in mine)}")
     if earned >= (1 - MARGIN) * max(both, instead):
@@ -193,14 +192,22 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
     return _Group(text if len(stays) < len(mine) else "", stays)
 
 
-def _one_for_all(model: Model, rest: Model, joints: Joints) -> tuple[str, bool]:
+def _instead(
+    rest: Model, joints: Joints, screened: Sequence[Screened], besides: Sequence[set[str]] = ()
+) -> tuple[Model, str]:
+    """The best family of each joint in the place of its names, and what they are in words."""
+    best = best_families(rest, joints, need=False, besides=besides, screened=screened).values()
+    words = " and ".join(fitted.family.title for fitted in best)
+    return with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in best))), words
+
+
+def _one_for_all(model: Model, rest: Model, joints: Joints, screened: Sequence[Screened]) -> tuple[str, bool]:
     """The family of each joint that tells as much as all names there, their own signals among them, in words; whether
     it tells more.
     """
-    best = best_families(rest, joints, need=False)
-    alone = with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in best.values())))
-    words = " and ".join(fitted.family.title for fitted in best.values())
-    return "" if preferred(model, alone, joints) > SAME else words, preferred(alone, model, joints) > SAME
+    alone, words = _instead(rest, joints, screened)
+    more = preferred(alone, model, joints) > SAME
+    return "" if preferred(model, alone, joints) > SAME else words or "nothing" * more, more
 
 
 def _stands(whole: Model, rest: Model, choice: ChosenEffect, joints: Joints) -> bool:
@@ -243,13 +250,18 @@ def _own_share(model: Model, number: int) -> float:
 
 
 def best_families(
-    model: Model, joints: Joints | None = None, need: bool = True, besides: Sequence[set[str]] = ()
+    model: Model,
+    joints: Joints | None = None,
+    need: bool = True,
+    besides: Sequence[set[str]] = (),
+    screened: Sequence[Screened] | None = None,
 ) -> dict[int, FittedFamily]:
     """The best family of each joint beside a model, fitted with it; where it is a `need`, only one above its bar.
 
-    besides: signals of laws, whose own families, which hold them, are left out.
+    besides: signals of laws, whose own families, which hold them, are left out; screened: families of these joints
+    beside this model, where they were screened before.
     """
-    found = screened_families(model, joints)
+    found = screened_families(model, joints) if screened is None else screened
     out: dict[int, FittedFamily] = {}
     for j in model.active if joints is None else joints:
         mine = [

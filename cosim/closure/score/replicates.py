@@ -17,6 +17,7 @@ REPLICATES = 79
 PIECES = 100  # of a recording, whose residuals get a sign of their own
 SHORTEST = 8  # rows (filter widths) of a piece
 RIDGE = 1e-8  # of the scaled diagonal
+NOTHING = np.zeros(())
 
 
 @define(eq=False)
@@ -81,10 +82,9 @@ class Replicates:
 
     def solution(self, equations: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
         """Coefficients (p, R) of the normal equations of all joints."""
-        g, h = (sum(parts) for parts in zip(*equations, strict=True))
-        scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
-        extra = RIDGE + self.model.precision * scale**2 + self.model.fit.penalty
-        return np.linalg.solve(g * scale[:, None] * scale + np.diag(extra), h * scale[:, None]) * scale[:, None]
+        g, h = (sum(parts, NOTHING) for parts in zip(*equations, strict=True))
+        scaled, scale = self._regular(g)
+        return np.linalg.solve(scaled, h * scale[:, None]) * scale[:, None]
 
     @cached_property
     def y(self) -> np.ndarray:
@@ -150,7 +150,12 @@ class Replicates:
     @cached_property
     def normal(self) -> np.ndarray:
         """(X^T W X)^-1 (p, p) with prior precisions and penalties."""
-        g = sum((v.T * w) @ v for v, w in zip(self.x, self.weight, strict=True))
+        g = sum(((v.T * w) @ v for v, w in zip(self.x, self.weight, strict=True)), NOTHING)
+        scaled, scale = self._regular(g)
+        return np.linalg.inv(scaled) * scale[:, None] * scale
+
+    def _regular(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A normal matrix (p, p) scaled to a diagonal of ones, with prior precisions and penalties; the scale (p,)."""
         scale = 1 / np.sqrt(np.maximum(np.diag(g), 1e-300))
         extra = RIDGE + self.model.precision * scale**2 + self.model.fit.penalty
-        return np.linalg.inv(g * scale[:, None] * scale + np.diag(extra)) * scale[:, None] * scale
+        return g * scale[:, None] * scale + np.diag(extra), scale

@@ -16,21 +16,17 @@ from cosim.closure.model.families import Family
 from cosim.closure.model.model import Model
 from cosim.closure.score.delivery import Delivery
 from cosim.closure.score.floor import from_encoders
-from cosim.closure.score.replicates import REPLICATES, Replicates
+from cosim.closure.score.replicates import NOTHING, REPLICATES, Replicates
 from cosim.effects import Effect, EffectEstimate
 from cosim.effects.actuator import Erasing, Late
 from cosim.effects.constants import FED_BACK
 from cosim.effects.motion import Columns, Joints, Theta
 
-CHUNK = 24  # values of nonlinear parameters whose columns are formed at once
-FEWEST, ROWS = (
-    4,
-    100_000,
-)  # of them at least; rows up to which it is so many: of a long recording fewer, to limit memory
+CHUNK, FEWEST = 24, 4  # values of nonlinear parameters whose columns are formed at once, and at least
+ROWS = 100_000  # of a recording up to which it is so many; fewer of a longer one, to limit memory
 WITHIN = 1e-5  # a column of which the model leaves a smaller share lies within the model
 NEGLIGIBLE = 1e-5  # directions of columns with a smaller share of the largest carry rounding only
 SMOOTHING = 1e-3  # of the scaled diagonal, of families
-NOTHING = np.zeros(())
 KNOWN = 0.1  # share of a coefficient that it may be off by where a screening asks whether it is physical
 
 
@@ -176,20 +172,16 @@ class Screen(Replicates):
         """A lag or delay of the prediction: the whole design of its joints passes through it."""
         if any(self.model.late(j) for j in joints):
             return None
-        before, null = self.loss.sum(axis=0), np.zeros(self.replicates)
+        before = self.loss.sum(axis=0)
 
-        def told(theta: Theta, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
+        def told(theta: Theta, count: int) -> np.ndarray:
             e = self.drive.behind(effect, joints, theta, count)
-            return before[:count] - sum(self.losses(own, j) for j, own in enumerate(e)), e
+            return before[:count] - sum(self.losses(own, j) for j, own in enumerate(e))
 
-        every = [(theta, *told(theta, 1)) for theta in thetas]
-        best, (nats,), e = max(every, key=lambda found: found[1][0])
-        if nats > 0:  # else it is nothing to be held against chance
-            for theta in thetas:
-                null = np.maximum(null, told(theta, 1 + self.replicates)[0][1:])
-        choice = ChosenEffect(effect, joints, best)
-        share = self.drive.explained([own[:, 0] for own in e])
-        return Screened(choice, np.r_[nats, null], share, self, self.of_noise(choice, float(nats)))
+        theta, gain = self._against_chance(thetas, told)
+        choice = ChosenEffect(effect, joints, theta)
+        share = self.drive.explained([own[:, 0] for own in self.drive.behind(effect, joints, theta, 1)])
+        return Screened(choice, gain, share, self, self.of_noise(choice, float(gain[0])))
 
     def _erasing(self, effect: Erasing, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:
         """Saturation or dead band: the delivered torque is explained, rows that it erases are charged."""
@@ -202,12 +194,20 @@ class Screen(Replicates):
             e, charge = self.drive.delivered(effect, j, theta, count)
             return before[:count] - self.losses(e, j) + charge
 
-        nats, theta = max((float(told(theta, 1)[0]), theta) for theta in thetas)
+        theta, gain = self._against_chance(thetas, told)
+        return Screened(ChosenEffect(effect, joints, theta), np.maximum(gain, 0), 1.0, self)
+
+    def _against_chance(
+        self, thetas: Sequence[Theta], told: Callable[[Theta, int], np.ndarray]
+    ) -> tuple[Theta, np.ndarray]:
+        """The value of most gain on the data, and what data and replicates (1 + R,) gain, at least 0 of these; `told`
+        says it of so many of them. Data that gain nothing are not held against chance.
+        """
+        nats, best = max((float(told(theta, 1)[0]), theta) for theta in thetas)
         null = np.zeros(self.replicates)
-        if nats > 0:  # else it is nothing to be held against chance
-            for each in thetas:
-                null = np.maximum(null, told(each, 1 + self.replicates)[1:])
-        return Screened(ChosenEffect(effect, joints, theta), np.r_[max(nats, 0.0), null], 1.0, self)
+        for theta in thetas if nats > 0 else ():
+            null = np.maximum(null, told(theta, 1 + self.replicates)[1:])
+        return best, np.r_[nats, null]
 
     def family(self, kind: Family, joint: int) -> Screened | None:
         """A nameless function on a joint."""

@@ -58,6 +58,8 @@ def test_emps_torque(emps):
     before, after = errors(emps)
     assert names(emps)[0] == "viscous_asymmetry"  # its authors' finding
     assert "stribeck" not in names(emps)
+    found = emps.verdict.findings[0].parameters[Label("viscous_asymmetry", 1)]
+    assert found == pytest.approx((166.7 - 240.4) / 2, abs=3.0)
     low, high = emps.verdict.findings[0].interval[Label("viscous_asymmetry", 1)]
     assert low < (166.7 - 240.4) / 2 < high and high - low < 20
     assert before > 3.8  # issue: 6.0 -> 3.0; both sides pass a 22 Hz filter here, so it starts lower

@@ -433,21 +433,24 @@ def swing() -> Recording:
     return Recording(RecordingDescription(), (Run("swing", time, q, 0.05 * np.cos(2 * q), time > 10),))
 
 
-def drawn(extra, fitted=10.0, noise=0.005):
-    """An axis with friction and sensors' noise whose last ten seconds, held out, swing further out; extra(q): torque
-    that the model lacks.
+def drawn(extra, fitted=10.0, noise=0.005, coulomb=(0.05, 0.05), slowest=None):
+    """An axis with friction and sensors' noise whose last ten seconds, held out, swing further out, or go slowly, at a
+    speed, half of the time; extra(q): torque that the model lacks; coulomb: level and width.
     """
     random = np.random.default_rng(4)
     time = np.arange(0, fitted + 10.0, 2e-3)
-    q = np.where(time < fitted, 1.0, 1.0 + 0.25 * np.sin(0.5 * (time - fitted)) ** 2) * (
-        0.8 * np.sin(2 * time) + 0.3 * np.sin(5.1 * time)
-    )
+    swing = 0.8 * np.sin(2 * time) + 0.3 * np.sin(5.1 * time)
+    q = np.where(time < fitted, 1.0, 1.0 + 0.25 * np.sin(0.5 * (time - fitted)) ** 2) * swing
+    if slowest is not None:
+        speed = np.sign(fitted + 5.0 - time) * (slowest + np.maximum(np.cos(2 * np.pi * (time - fitted)), 0.0))
+        held = time >= fitted
+        q[held] = q[~held][-1] + np.cumsum(speed[held]) * 2e-3
     dq, ddq = (np.gradient(x, time) for x in (q, np.gradient(q, time)))
     tau = (
         0.05 * ddq
         + 0.4 * np.sin(q)
         + 0.02 * dq
-        + 0.05 * np.tanh(dq / 0.05)
+        + coulomb[0] * np.tanh(dq / coulomb[1])
         + extra(q)
         + noise * random.normal(size=len(q))
     )
@@ -465,6 +468,11 @@ def test_what_only_held_out_rows_show_is_no_complete_model():
         drawn(lambda q: 3 * np.maximum(np.abs(q) - 1.1, 0.0), fitted=100.0, noise=0.1),
     ):
         assert (found.answer, found.findings) == (Answer.UNEXPLAINED, ())
+
+
+def test_friction_near_rest_that_only_held_out_rows_show_leaves_the_model_complete():
+    """Fitted rows reverse too fast for the width of the Coulomb friction, 0.01 rad/s, to show; held-out ones do not."""
+    assert drawn(lambda q: 0.0 * q, coulomb=(0.5, 0.01), slowest=0.018).answer is Answer.COMPLETE
 
 
 def test_a_moment_that_no_law_explains_is_an_event_with_its_time():

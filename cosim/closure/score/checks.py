@@ -2,14 +2,18 @@
 that a hypothesis erases, motion in one direction only.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from cosim.closure.model.choice import ChosenEffect
+from cosim.closure.model.friction import laws
 from cosim.closure.model.model import Model
+from cosim.closure.score.compare import preferred
 from cosim.closure.score.floor import from_sensors
 from cosim.effects.actuator import Erasing
-from cosim.effects.constants import EVENT, HALF, NOISE, SIZE, SMALL
+from cosim.effects.constants import EVENT, HALF, NOISE, SAME, SIZE, SMALL
 from cosim.effects.motion import Joints
 
 MOST_EVENTS = 5  # that are told
@@ -31,26 +35,42 @@ def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def incomplete(model: Model) -> dict[int, str]:
     """Joints (0-based) whose model is incomplete whatever explains it, and why: the residual is far larger than the
-    noise of the sensors, or far larger on reported rows than on fitted ones, as where only these cross a gap (without
-    the rows of single moments, which lie on either side by chance).
+    noise of the sensors, or far larger on reported rows than on fitted ones, as where only these cross a gap. Not where
+    a friction law that the fitted rows cannot tell from the model's leaves no more: its form near rest is open then.
     """
     if (noise := from_sensors(model)) is None:
         return {}
-    test, use = model.setting.rows.test, model.setting.use & (model.kept > HALF)
-    usual = use.copy()
-    for j in range(model.setting.joints):
-        usual[j, _moments(model, j)] = False
-    left, fitted, held = (_rms(model.residual, rows) for rows in (use & ~test, usual & ~test, usual & test))
-    torque, reported = (_rms(model.setting.y + model.setting.given, use & rows) for rows in (~test, test))
+    fitted = model.setting.use & ~model.setting.rows.test
+    left = _rms(model.residual, fitted & (model.kept > HALF))
+    torque = _rms(model.setting.y + model.setting.given, fitted)
     out = {}
     for j in range(model.setting.joints):
         if left[j] ** 2 > NOISE * noise[j] ** 2 and left[j] > SMALL * torque[j]:
             out[j] = f"it leaves {left[j] / max(noise[j], 1e-300):.3g} times the noise of its sensors"
-        elif held[j] ** 2 > NOISE * max(fitted[j], noise[j]) ** 2 and held[j] > SIZE * reported[j]:
-            out[j] = (
-                f"it leaves {held[j] / max(fitted[j], noise[j]):.3g} times as much on reported rows as on fitted ones"
-            )
+        elif (times := _reported(model, j, noise[j])) and all(_reported(m, j, noise[j]) for m in _alike(model, j)):
+            out[j] = f"it leaves {times:.3g} times as much on reported rows as on fitted ones"
     return out
+
+
+def _reported(model: Model, joint: int, noise: float) -> float:
+    """How many times as much as on fitted rows, or as the noise, is left on reported ones, zero where no more than may
+    be; without the rows of single moments, which lie on either side by chance.
+    """
+    test, usual = model.setting.rows.test, model.setting.use & (model.kept > HALF)
+    usual[joint, _moments(model, joint)] = False
+    fitted, held = (_rms(model.residual, usual & rows)[joint] for rows in (~test, test))
+    torque = _rms(model.setting.y + model.setting.given, model.setting.use & test)[joint]
+    times = held / max(fitted, noise, 1e-300)
+    return float(times) if times**2 > NOISE and held > SIZE * torque else 0.0
+
+
+def _alike(model: Model, joint: int) -> Iterator[Model]:
+    """The model with each friction law of a joint that blocks left out do not tell from its own."""
+    top = float(np.percentile(np.abs(model.setting.motion.dq[:, joint]), 99))
+    for law in laws(top):
+        other = evolve(model, laws=(*model.laws[:joint], law, *model.laws[joint + 1 :]))
+        if preferred(model, other) <= SAME:
+            yield other
 
 
 def events(model: Model) -> tuple[ClosureEvent, ...]:

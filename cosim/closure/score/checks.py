@@ -48,19 +48,21 @@ def incomplete(model: Model) -> dict[int, str]:
         if left[j] ** 2 > NOISE * noise[j] ** 2 and left[j] > SMALL * torque[j]:
             out[j] = f"it leaves {left[j] / max(noise[j], 1e-300):.3g} times the noise of its sensors"
         elif (times := _reported(model, j, noise[j])) and all(_reported(m, j, noise[j]) for m in _alike(model, j)):
-            out[j] = f"it leaves {times:.3g} times as much on reported rows as on fitted ones"
+            out[j] = f"it leaves {times:.3g} times as much on reported rows as fitted ones let expect"
     return out
 
 
 def _reported(model: Model, joint: int, noise: float) -> float:
-    """How many times as much as on fitted rows, or as the noise, is left on reported ones, zero where no more than may
-    be; without the rows of single moments, which lie on either side by chance.
+    """How many times as much is left on reported rows as fitted ones, the noise and the coefficients' own uncertainty
+    let expect, zero where no more than may be; without single moments, which lie on either side by chance.
     """
     test, usual = model.setting.rows.test, model.setting.use & (model.kept > HALF)
     usual[joint, _moments(model, joint)] = False
     fitted, held = (_rms(model.residual, usual & rows)[joint] for rows in (~test, test))
     torque = _rms(model.setting.y + model.setting.given, model.setting.use & test)[joint]
-    times = held / max(fitted, noise, 1e-300)
+    x = model.unweighted[joint, usual[joint] & test]
+    predicted = np.sqrt(np.einsum("mp,pq,mq->m", x, model.fit.cov, x).clip(0).mean()) if len(x) else 0.0
+    times = held / max(np.hypot(max(fitted, noise), predicted), 1e-300)
     return float(times) if times**2 > NOISE and held > SIZE * torque else 0.0
 
 

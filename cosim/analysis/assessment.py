@@ -1,6 +1,7 @@
 """What theory says of a scenario at a pose: criteria, robust bound, spectrum, passivity; and what it withholds."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import field, frozen
@@ -10,11 +11,13 @@ from cosim.analysis.criteria import Coupling, Criterion, delay_sum, sallam_eq10
 from cosim.analysis.linear_fmu import LinearFmu
 from cosim.analysis.linearisation import LinearLoop
 from cosim.analysis.passivity import PortPassivity, port_passivity
-from cosim.analysis.prediction import Prediction
 from cosim.analysis.robust import delay_law_bound
 from cosim.analysis.spectrum import abscissa, max_delay
-from cosim.analysis.stepped import Stepped
 from cosim.wiring import Wiring
+
+if TYPE_CHECKING:
+    from cosim.analysis.prediction import Prediction
+    from cosim.analysis.stepped import Stepped
 
 
 def coupling(pair: tuple[CoupledSide, CoupledSide]) -> Coupling:
@@ -40,7 +43,7 @@ class Theory:
     law_bound: float | None
     abscissa: float | None
     withheld: Mapping[str, str] = field(factory=dict)
-    prediction: Prediction | None = None
+    prediction: "Prediction | None" = None
     predicted: float | None = None
 
     @property
@@ -63,8 +66,8 @@ def theory(
     wiring: Wiring,
     loop: LinearLoop,
     found: Coupled,
-    discrete: Stepped | None = None,
-    prediction: Prediction | None = None,
+    discrete: "Stepped | None" = None,
+    prediction: "Prediction | None" = None,
 ) -> Theory:
     """All conditions for the delays of the scenario. The criteria take the greatest delays, the spectrum the mean
     ones. A condition whose assumptions do not hold on the loop is withheld.
@@ -102,7 +105,7 @@ def theory(
     )
 
 
-def _missed(prediction: Prediction | None) -> str:
+def _missed(prediction: "Prediction | None") -> str:
     """Why the linear loop does not move as the FMUs do; empty where it does, or where that was not looked at."""
     if prediction is None or prediction.good:
         return ""
@@ -112,11 +115,11 @@ def _missed(prediction: Prediction | None) -> str:
     )
 
 
-def _discrete_rate(discrete: Stepped | None) -> float | None:
+def _discrete_rate(discrete: "Stepped | None") -> float | None:
     return _finite(discrete.loop.abscissa) if discrete and discrete.loop else None
 
 
-def _doubt(hidden: str, discrete: Stepped | None) -> str:
+def _doubt(hidden: str, discrete: "Stepped | None") -> str:
     """Why the loop in discrete time proves nothing; empty where it does."""
     if discrete is None or discrete.loop is None:
         return f"{hidden}; {discrete.why}" if discrete and discrete.why else hidden

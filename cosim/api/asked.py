@@ -64,7 +64,18 @@ def _plainly(value: object, kind: Any) -> bool:
         return any(_plainly(value, part) for part in get_args(kind))
     if get_origin(kind) in (Iterable, Sequence) and isinstance(value, list):
         return all(_plainly(item, *get_args(kind)) for item in value)
+    if get_origin(kind) is Callable and callable(value) and isinstance(get_args(kind)[0], list):
+        return _takes(value, get_args(kind)[0])
     return isinstance(kind, type) and not get_args(kind) and isinstance(value, kind)
+
+
+def _takes(function: Callable[..., Any], given: list[object]) -> bool:
+    """Whether a function surely takes so many arguments."""
+    try:
+        inspect.signature(function).bind(*given)
+    except (TypeError, ValueError):  # it does not, or does not say what it takes
+        return False
+    return True
 
 
 def _plain(value: object) -> object:

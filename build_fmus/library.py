@@ -1,15 +1,18 @@
 """Shared libraries of fmu_src that are no FMUs (compiled master loop, batch kernel), compiled once per content."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
-from build_fmus.cache import cache_folder, key_of, store
+from build_fmus.cache import builder_code, cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, compile_library, find_compiler, this_platform
 from build_fmus.header import batch_header
 from build_fmus.scratch import workspace
 from build_fmus.sources import model_table, source_root
 
 _STRUCT = '_model.h"'
+_DECIDE = (".c", ".h", ".toml")
+"""Endings of the files that decide what is compiled: sources, and the tables that structs are written from."""
 
 
 def library_path(name: str, flags: Sequence[str] = ()) -> Path:
@@ -21,21 +24,26 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
     if not compiler.cross:  # zig alone writes levels of x86-64 with underscores
         flags = [flag.replace("-march=x86_64_v", "-march=x86-64-v") for flag in flags]
     root = source_root()
-    sources = sorted(p for sub in root.iterdir() if sub.is_dir() for p in sub.glob("*.[ch]"))
-    parts = [x for path in sources for x in (str(path.relative_to(root)), path.read_bytes())]
-    headers = structs(name)
-    key = key_of(compiler.identity, *compiler.flags(chosen), *flags, name, *parts, *headers.values())[:24]
+    files = sorted(p for sub in root.iterdir() if sub.is_dir() for p in sub.iterdir() if p.suffix in _DECIDE)
+    sources = _digest(root, tuple((p, p.stat().st_mtime_ns) for p in files))
+    key = key_of(compiler.identity, *compiler.flags(chosen), *flags, name, sources, builder_code())[:24]
     library = folder / "libraries" / key / f"{name}{chosen.suffix}"
     if not library.is_file():
         with workspace() as work:
             fresh = work / library.name
-            for header, text in headers.items():
+            for header, text in structs(name).items():
                 (work / header).write_text(text)
             compile_library(
                 compiler, chosen, root, f"{name}/{name}.c", fresh, folder, ("-Ishared", f"-I{work}", *flags)
             )
             store(library, fresh.read_bytes())
     return library
+
+
+@lru_cache(maxsize=4)
+def _digest(root: Path, files: tuple[tuple[Path, int], ...]) -> str:
+    """A hash of names and contents of files, which are as they were at these times [ns]."""
+    return key_of(*(x for path, _ in files for x in (str(path.relative_to(root)), path.read_bytes())))
 
 
 def structs(name: str) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """The shared library of an FMU: functions that it may lack, platforms that it is there for."""
 
 import ctypes
+import inspect
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -24,6 +25,9 @@ def tolerant(kind: type) -> type:
             self.dll = whole
         _drop_absent(self._functions)
 
+    for name, function in inspect.getmembers(kind, inspect.isfunction):
+        if name.startswith("fmi"):  # fmpy asks for the signature of each with every instance: Python keeps this one
+            vars(function).setdefault("__signature__", inspect.signature(function))
     return type(kind.__name__, (kind,), {"_loadFunctions": load})
 
 

@@ -16,20 +16,28 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_double, c_int, c_int64, c_void_p
-from functools import cache
+from ctypes import byref
 from typing import cast
 
 import numpy as np
 
 from cosim.engine.initialisation import InitialInputs, initial_sources, strangers, wired
 from cosim.engine.initialisation import initialise as initialise_in_python
-from cosim.engine.native import Arena, NativeOperation, NativePhase, check_layout
+from cosim.engine.native import Arena
+from cosim.engine.native_executor import (
+    NativeBank,
+    NativeExecution,
+    NativeInstance,
+    NativeStart,
+    executor_library,
+    native_instance,
+    plain,
+)
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending, Execution, RunProgress, blamed, interrupted, keep, marked, watched
 from cosim.engine.reference import execute as execute_in_python
 from cosim.errors import RunError
-from cosim.fmu import Fmi2Instance, Fmi3Instance, FmuInstance
+from cosim.fmu import Fmi2Instance, FmuInstance
 from cosim.fmu.contract import Instance
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import Step, seconds
@@ -40,116 +48,9 @@ _FIRST_BATCH = 2000  # communication steps before the clock is looked at for the
 _TURN = 0.1  # s: after about this time Python gets its turn
 
 
-class _NativeInstance(ctypes.Structure):
-    _fields_ = [
-        ("instance", c_void_p),
-        ("set2", c_void_p),
-        ("get2", c_void_p),
-        ("slopes2", c_void_p),
-        ("step2", c_void_p),
-        ("set3", c_void_p),
-        ("get3", c_void_p),
-        ("step3", c_void_p),
-        ("input_refs", c_void_p),
-        ("slope_refs", c_void_p),
-        ("output_refs", c_void_p),
-        ("orders", c_void_p),
-        ("inputs", c_void_p),
-        ("slopes", c_void_p),
-        ("outputs", c_void_p),
-        ("n_inputs", c_int64),
-        ("n_slopes", c_int64),
-        ("n_outputs", c_int64),
-        ("offset", c_int64),
-        ("remembered", c_int64),
-        ("event", c_void_p),
-        ("terminate", c_void_p),
-        ("early", c_void_p),
-        ("reached", c_void_p),
-        ("strange", c_int64),
-    ]
-
-
-class _NativeBank(ctypes.Structure):
-    _fields_ = [("set2", c_void_p), ("set3", c_void_p), ("refs", c_void_p), ("values", c_void_p), ("n", c_int64)]
-
-
-class _NativeStart(ctypes.Structure):
-    _fields_ = [
-        ("reset", c_void_p),
-        ("setup2", c_void_p),
-        ("enter2", c_void_p),
-        ("enter3", c_void_p),
-        ("leave", c_void_p),
-        ("banks", c_void_p),
-        ("n_banks", c_int64),
-        ("source", c_void_p),
-        ("fresh", c_int64),
-        ("scaled", c_void_p),
-        ("gain", c_void_p),
-        ("shift", c_void_p),
-        ("tolerance", c_double),
-        ("stop", c_double),
-    ]
-
-
-class _NativeExecution(ctypes.Structure):
-    _fields_ = [
-        ("instances", c_void_p),
-        ("phases", c_void_p),
-        ("n_phases", c_int64),
-        ("store", c_void_p),
-        ("n_outputs", c_int64),
-        ("table", c_void_p),
-        ("n_columns", c_int64),
-        ("every", c_int64),
-        ("row_start", c_int64),
-        ("step_ns", c_double),
-        ("bounds", c_void_p),
-        ("domain", c_void_p),
-        ("n_domain", c_int64),
-        ("mark", c_void_p),
-        ("call", c_int64),
-        ("status", c_int64),
-    ]
-
-
-@cache
-def _library():
-    from build_fmus.library import library_path
-
-    return prepared(ctypes.CDLL(str(library_path("executor"))))
-
-
-def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
-    """A compiled fmu_src/executor with the types of its functions. Raises ImportError where its structs are others."""
-    mirrors = {
-        "Operation": NativeOperation,
-        "Phase": NativePhase,
-        "Instance": _NativeInstance,
-        "Bank": _NativeBank,
-        "Start": _NativeStart,
-        "Job": _NativeExecution,
-    }
-    check_layout(library, mirrors)
-    library.execute.argtypes = [POINTER(_NativeExecution), c_int64]
-    library.initialise.argtypes = [POINTER(_NativeExecution), c_void_p, c_int64]
-    library.execute.restype = library.initialise.restype = c_int
-    return library
-
-
 def applies(instances: Sequence[Instance]) -> bool:
     """Whether every component is an FMU that exchanges doubles only (asked when they are wired)."""
-    return all(isinstance(s, FmuInstance) and _plain(s) for s in instances)
-
-
-def _plain(instance: FmuInstance) -> bool:
-    """Whether an FMU exchanges doubles only, has no arrays, and has the functions that the loop in C calls."""
-    variables = instance.description.variables.values()
-    structured = instance.description.arrays or any(v.causality == "structuralParameter" for v in variables)
-    needed = ["Reset", "SetupExperiment"] if isinstance(instance, Fmi2Instance) else ["Reset"]
-    banks = instance.setters + instance.getters
-    return not structured and all(map(instance.has, needed)) and all(bank.shared for bank in banks)
+    return all(isinstance(s, FmuInstance) and plain(s) for s in instances)
 
 
 def _as_fmus(instances: Sequence[Instance]) -> Sequence[FmuInstance]:
@@ -166,25 +67,28 @@ class _Begin:
     instances: Sequence[FmuInstance]
     arena: Arena
     store: np.ndarray
-    job: _NativeExecution
-    starts: ctypes.Array[_NativeStart]
+    job: NativeExecution
+    starts: ctypes.Array[NativeStart]
 
     def __init__(self, wiring: Wiring, instances: Sequence[FmuInstance]) -> None:
         schedule = wiring.schedule
         self.instances, self.arena, strange = instances, Arena(), strangers(wiring)
         self.store = np.zeros(2 * schedule.outputs)
-        natives = (_NativeInstance * len(instances))(
-            *[_native(s, o, self.arena, k in strange) for k, (s, o) in enumerate(zip(instances, schedule.offset))]
+        natives = (NativeInstance * len(instances))(
+            *[
+                native_instance(s, o, self.arena, k in strange)
+                for k, (s, o) in enumerate(zip(instances, schedule.offset))
+            ]
         )
-        self.job = _NativeExecution(
+        self.job = NativeExecution(
             instances=self.arena.structures(natives), store=self.arena.array(self.store), n_outputs=schedule.outputs
         )
-        self.starts = (_NativeStart * len(instances))()
+        self.starts = (NativeStart * len(instances))()
         for start, instance, source in zip(self.starts, instances, initial_sources(wiring)):
             self._fill(start, instance, source)
         self.values: list[_StartValues | None] = [None] * len(instances)
 
-    def _fill(self, start: _NativeStart, instance: FmuInstance, source: InitialInputs) -> None:
+    def _fill(self, start: NativeStart, instance: FmuInstance, source: InitialInputs) -> None:
         start.reset, start.leave = instance.address("Reset"), instance.address("ExitInitializationMode")
         start.source, start.scaled = self.arena.indices(source.places), self.arena.indices(source.scaled)
         start.gain, start.shift = self.arena.array(source.gain), self.arena.array(source.shift)
@@ -206,7 +110,7 @@ class _Begin:
             instance.time, instance.fresh, self.starts[i].fresh = 0.0, False, instance.fresh
             if not self._set(i, wiring.starts[instance.name]):
                 return False
-        return _library().initialise(byref(self.job), ctypes.addressof(self.starts), len(self.instances)) == 0
+        return executor_library().initialise(byref(self.job), ctypes.addressof(self.starts), len(self.instances)) == 0
 
     def _set(self, i: int, values: Mapping[str, float | str]) -> bool:
         """Start values of an instance into C's arrays; False where one is a text."""
@@ -228,7 +132,7 @@ class _StartValues:
     def __init__(self, instance: FmuInstance, names: tuple[str, ...]) -> None:
         self.names, self.given = names, None
         kinds = instance.by_kind(names)
-        self.banks = (_NativeBank * len(kinds))()
+        self.banks = (NativeBank * len(kinds))()
         self.arrays = []
         for bank, (kind, some) in zip(self.banks, kinds.items()):
             refs, array = instance.references(some), np.zeros(len(some), instance.dtype(kind))
@@ -242,33 +146,6 @@ class _StartValues:
         self.given = values
 
 
-def _native(instance: FmuInstance, offset: int, arena: Arena, strange: bool) -> _NativeInstance:
-    native = _NativeInstance(
-        instance=instance.component,
-        input_refs=arena.structures(instance.references(instance.input_names)),
-        slope_refs=arena.structures(instance.slope_references()),
-        output_refs=arena.structures(instance.references(instance.output_names)),
-        orders=arena.structures((c_int * max(1, len(instance.slopes)))(*[1] * len(instance.slopes))),
-        inputs=arena.array(instance.inputs),
-        slopes=arena.array(instance.slopes),
-        outputs=arena.array(instance.outputs),
-        n_inputs=len(instance.inputs),
-        n_slopes=len(instance.slopes),
-        n_outputs=len(instance.outputs),
-        offset=offset,
-        strange=strange,
-    )
-    if isinstance(instance, Fmi2Instance):
-        native.set2, native.get2 = instance.address("SetReal"), instance.address("GetReal")
-        native.slopes2, native.step2 = instance.address("SetRealInputDerivatives"), instance.address("DoStep")
-        return native
-    assert isinstance(instance, Fmi3Instance)
-    native.set3, native.get3, native.step3 = (instance.address(f) for f in ("SetFloat64", "GetFloat64", "DoStep"))
-    native.event, native.terminate, native.early = (ctypes.addressof(flag) for flag in instance.flags)
-    native.reached = ctypes.addressof(instance.reached)
-    return native
-
-
 # --- run --------------------------------------------------------------------------------------------------------------
 
 
@@ -277,20 +154,20 @@ class _CompiledLoop:
 
     arena: Arena
     store: np.ndarray
-    native: _NativeExecution
+    native: NativeExecution
 
     def __init__(self, job: Execution) -> None:
         self.arena, self.store = Arena(), job.store
-        instances = (_NativeInstance * len(job.instances))(
+        instances = (NativeInstance * len(job.instances))(
             *[
-                _native(instance, at, self.arena, k in job.strange)
+                native_instance(instance, at, self.arena, k in job.strange)
                 for k, (instance, at) in enumerate(zip(_as_fmus(job.instances), job.schedule.offset))
             ]
         )
         for component in job.schedule.remembered:
             instances[component].remembered = 1
         phases = self.arena.phases(job.schedule.phases, job.columns, job.schedule.step_ns)
-        self.native = _NativeExecution(
+        self.native = NativeExecution(
             self.arena.structures(instances),
             phases,
             len(job.schedule.phases),
@@ -311,7 +188,7 @@ class _CompiledLoop:
 
     def run(self, job: Execution, progress: Callable[[RunProgress], None] | None) -> Ending:
         """Batches of communication steps, each of about a tenth of a second, until the end."""
-        execute, steps, done = _library().execute, job.steps, 0
+        execute, steps, done = executor_library().execute, job.steps, 0
         self.native.table, self.native.mark, job.mark[0] = job.table.ctypes.data, job.mark.ctypes.data, 0
         began = last = time.perf_counter()
         batch = _FIRST_BATCH

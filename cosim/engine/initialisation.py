@@ -14,6 +14,7 @@ from cosim.engine.texts import text_carriers
 from cosim.fmu.contract import FmuSettings, Instance
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import Schedule, seconds
+from cosim.wiring.structure import of_structure
 
 
 def wired(wiring: Wiring, instances: Sequence[Instance]) -> None:
@@ -84,6 +85,7 @@ class InitialInputs:
         return np.where(self.scaled, self.gain * values + self.shift, values) if self.scaled.any() else values
 
 
+@of_structure
 def initial_sources(wiring: Wiring) -> list[InitialInputs]:
     """Where each component's inputs come from at t = 0."""
     place = {name: i for i, name in enumerate(wiring.signals)}

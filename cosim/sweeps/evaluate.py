@@ -36,8 +36,8 @@ from cosim.signals import stem
 from cosim.sweeps.points import Point, PointResult
 from cosim.sweeps.pool import OWN, Task
 from cosim.sweeps.spec import EVALUATOR_NAMES, SCENARIO
-from cosim.sweeps.structure import of_structure
 from cosim.wiring import Wiring
+from cosim.wiring.structure import of_structure
 
 if TYPE_CHECKING:
     from cosim.sweeps.kernel import TwinRuns

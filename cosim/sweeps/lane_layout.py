@@ -11,9 +11,9 @@ from cosim.engine.native import Arena
 from cosim.signals import stem
 from cosim.sweeps.lane import LaneComponent, LanePlaces
 from cosim.sweeps.native_kernel import NativeAct, NativeTurn, NativeWire
-from cosim.sweeps.structure import of_structure
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import GetOutputs, SetInputs, Step
+from cosim.wiring.structure import of_structure
 
 
 class LaneLayout:

@@ -8,8 +8,8 @@ from attrs import frozen
 
 from cosim.signals import stem
 from cosim.sweeps.lane import LaneComponent, LanePlaces
-from cosim.sweeps.structure import of_structure
 from cosim.wiring import Wiring
+from cosim.wiring.structure import of_structure
 
 _ARM_LAW = {
     *("pi", "mounting", "payload", "base_tilt", "gravity_compensation", "workspace_limits", "internal_steps"),

@@ -307,6 +307,26 @@ EXPORTED int initialise(Job *job, const Start *starts, int64_t n_instances) {
     return 0;
 }
 
+/* Steps of the job's first instance alone (cosim/analysis/lone_fmu.py): before those that `moved` names [n] its inputs
+ * become base + added[k], its slopes those of the step. found: [n][n_outputs]. Returns how many steps were carried out:
+ * fewer than n where a call failed or the instance wants the run to end. */
+EXPORTED int64_t drive(Job *job, const double *base, const double *added, const double *slopes, const uint8_t *moved,
+                       int64_t n, double *found) {
+    Instance *const s = job->instances;
+    for (int64_t k = 0; k < n; k++) {
+        int going = 1;
+        if (moved[k]) {
+            for (int64_t i = 0; i < s->n_inputs; i++) s->inputs[i] = base[i] + added[k * s->n_inputs + i];
+            for (int64_t i = 0; slopes && i < s->n_slopes; i++) s->slopes[i] = slopes[k * s->n_slopes + i];
+            if (fails(hand_over(s, job))) return k;
+        }
+        if (fails(step_instance(s, (double)k * job->step_ns / 1e9, job->step_ns / 1e9, &going, job)) || !going)
+            return k;
+        if (fails(fetch(s, found + k * s->n_outputs, job))) return k;
+    }
+    return n;
+}
+
 static inline Instance *at_work(Job *job, const Operation *o) {
     job->mark[1] = o->component;
     return job->instances + o->component;

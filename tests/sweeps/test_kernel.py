@@ -13,9 +13,9 @@ from attrs import evolve
 
 from build_fmus.library import library_path, structs
 from build_fmus.sources import source_root
-from cosim.engine import compiled
 from cosim.engine.master import run
 from cosim.engine.native import NativePhase, check_layout
+from cosim.engine.native_executor import executor_library
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario
@@ -270,7 +270,7 @@ def test_structs_that_lie_otherwise_are_refused_before_anything_is_written():
     class Longer(ctypes.Structure):
         _fields_ = [*NativePhase._fields_[:2], ("other", ctypes.c_int64), *NativePhase._fields_[2:]]
 
-    library = compiled._library()
+    library = executor_library()
     check_layout(library, {"Phase": NativePhase})
     with pytest.raises(ImportError, match="struct Phase: expected other at byte 16 .Longer., got columns at byte 16"):
         check_layout(library, {"Phase": Longer})
@@ -315,7 +315,7 @@ def test_clean_under_sanitizers(name, tmp_path):
 
 _SETUP = """
 import ctypes, os
-from cosim.engine import compiled
+from cosim.engine import compiled, native_executor
 from cosim.fmu import open_system
 from cosim.engine.master import run
 from cosim.engine.native import NativePhase, check_layout
@@ -327,7 +327,7 @@ scenario = load_scenario("sallam-stable").with_values({"experiment.stop": 0.2, "
 SANITIZED_RUN = {
     "executor": _SETUP
     + """
-compiled._library = lambda: compiled.prepared(library)
+compiled.executor_library = lambda: native_executor.prepared(library)
 for fmi in (2, 3):
     one = scenario.with_values({"experiment.fmi": fmi})
     with open_system(one) as system:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import TypeVar
 
-from cosim.wiring import Link, Wiring
+from cosim.wiring.wiring import Link, Wiring
 
 Said = TypeVar("Said")
 _MOST = 16  # structures of each function

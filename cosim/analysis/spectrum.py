@@ -47,18 +47,20 @@ class DelaySystem:
         """Longest delay [s]."""
         return max(self.delays)
 
-    def characteristic(self, s: complex) -> np.ndarray:
-        """Delta(s) = s I - sum_i A_i exp(-s tau_i), shape (n, n)."""
+    def characteristic(self, s: complex | NDArray[np.complex128]) -> np.ndarray:
+        """Delta(s) = s I - sum_i A_i exp(-s tau_i), shape (n, n); (k, n, n) for several s (k,)."""
+        s = np.asarray(s, complex)[..., None, None]
         delta = s * np.eye(self.size, dtype=complex)
         for matrix, delay in zip(self.matrices, self.delays):
             delta -= matrix * np.exp(-s * delay)
         return delta
 
-    def slope(self, s: complex) -> np.ndarray:
-        """Delta'(s) = I + sum_i tau_i A_i exp(-s tau_i), shape (n, n)."""
+    def slope(self, s: complex | NDArray[np.complex128]) -> np.ndarray:
+        """Delta'(s) = I + sum_i tau_i A_i exp(-s tau_i), shape (n, n); (k, n, n) for several s (k,)."""
+        s = np.asarray(s, complex)[..., None, None]
         slope = np.eye(self.size, dtype=complex)
         for matrix, delay in zip(self.matrices, self.delays):
-            slope += delay * matrix * np.exp(-s * delay)
+            slope = slope + delay * matrix * np.exp(-s * delay)
         return slope
 
 
@@ -108,48 +110,51 @@ def balanced(system: DelaySystem) -> DelaySystem:
     """The same spectrum with states scaled by powers of two, so that norms mean something (Parlett and Reinsch
     1969).
     """
-    total = np.asarray(sum(np.abs(matrix) for matrix in system.matrices))
-    scale = np.ones(system.size)
+    off = np.asarray(sum(np.abs(matrix) for matrix in system.matrices))
+    np.fill_diagonal(off, 0.0)
+    scale, usable = np.ones(system.size), (off.sum(axis=0) > 0.0) & (off.sum(axis=1) > 0.0)
     for _ in range(20):
-        off = total * scale[None, :] / scale[:, None]
-        np.fill_diagonal(off, 0.0)
-        columns, rows = off.sum(axis=0), off.sum(axis=1)
-        usable = (columns > 0) & (rows > 0)
-        step = np.where(
-            usable, np.exp2(np.round(0.5 * np.log2(np.where(usable, rows, 1) / np.where(usable, columns, 1)))), 1
-        )
+        columns, rows = off.sum(axis=0)[usable], off.sum(axis=1)[usable]
+        step = np.ones(system.size)
+        step[usable] = np.exp2(np.clip(np.round(0.5 * np.log2(rows / columns)), -1.0, 1.0))
         if np.all(step == 1.0):
             break
-        scale *= np.clip(step, 0.5, 2.0)
+        scale *= step
+        off *= step[None, :] / step[:, None]
     return DelaySystem([matrix * scale[None, :] / scale[:, None] for matrix in system.matrices], system.delays)
 
 
-def polish(system: DelaySystem, guess: complex) -> complex | None:
-    """Newton correction of one root on the exact characteristic matrix; None where it does not converge.
+def polished(system: DelaySystem, guesses: NDArray[np.complex128]) -> list[complex | None]:
+    """Newton correction of roots (k,) on the exact characteristic matrix; None for those that do not converge.
 
     Successive linear problems (Ruhe 1973): Delta(s) v = lambda Delta'(s) v and s <- s - lambda with the lambda of least
     modulus, found as the largest 1 / lambda of Delta(s)^-1 Delta'(s). Convergence stays quadratic at semisimple
     multiple roots, which equal axes produce.
     """
-    s, step = complex(guess), complex(np.inf)
+    s, found = np.array(guesses, complex), dict[int, complex]()
+    size, todo = np.full(len(s), np.inf), np.arange(len(s))
     for _ in range(_POLISH):
-        if not np.isfinite(s) or -s.real * system.longest > 600.0:  # exp(-s tau) would overflow: far left, not sought
-            return None
+        # exp(-s tau) would overflow: far left, not sought
+        todo = todo[np.isfinite(s[todo]) & (-s.real[todo] * system.longest <= 600.0)]
+        if not len(todo):
+            break
         try:
-            ratio = np.linalg.solve(system.characteristic(s), system.slope(s))
+            ratio = np.linalg.solve(system.characteristic(s[todo]), system.slope(s[todo]))
         except np.linalg.LinAlgError:  # Delta(s) is singular: a root
-            return s
-        if not np.isfinite(ratio).all():
-            return None
+            if len(s) > 1:
+                return [root for guess in guesses for root in polished(system, guess[None])]
+            return [complex(s[0])]
+        fine = np.isfinite(ratio).all(axis=(1, 2))
+        todo, ratio = todo[fine], ratio[fine]
         inverse = np.linalg.eigvals(ratio)
-        largest = inverse[np.argmax(np.abs(inverse))]
-        if largest == 0.0:
-            return None
-        step = 1.0 / largest
-        s -= step
-        if abs(step) <= 4e-15 * max(1.0, abs(s)):
-            return s
-    return s if abs(step) <= 1e-11 * max(1.0, abs(s)) else None
+        largest = np.take_along_axis(inverse, np.argmax(np.abs(inverse), axis=1)[:, None], axis=1)[:, 0]
+        todo, largest = todo[largest != 0.0], largest[largest != 0.0]
+        s[todo] -= 1.0 / largest
+        size[todo] = np.abs(1.0 / largest) / np.maximum(1.0, np.abs(s[todo]))
+        found |= {int(k): complex(s[k]) for k in todo if size[k] <= 4e-15}
+        todo = todo[size[todo] > 4e-15]
+    found |= {int(k): complex(s[k]) for k in todo if size[k] <= 1e-11}
+    return [found.get(k) for k in range(len(s))]
 
 
 def roots(system: DelaySystem, above: float = -np.inf, at_most: int = 12, sure: int = 4) -> NDArray[np.complex128]:
@@ -167,13 +172,13 @@ def _roots_of_balanced(scaled: DelaySystem, above: float, at_most: int, sure: in
     if scaled.longest == 0.0:
         found: NDArray[np.complex128] = np.linalg.eigvals(_added(scaled.matrices)).astype(complex)
         return _distinct(found[(found.imag >= 0) & (found.real >= above)])[:at_most]
-    polished: list[complex | None] = []
+    corrected: list[complex | None] = []
     for order in _ORDERS:
         guesses = _rightmost(scaled, order, above, at_most)
-        polished = [polish(scaled, guess) for guess in guesses]
-        if _resolved(guesses[:sure], polished[:sure]):
+        corrected = polished(scaled, guesses)
+        if _resolved(guesses[:sure], corrected[:sure]):
             break
-    kept = [complex(s.real, abs(s.imag)) for s in polished if s is not None and s.real >= above]
+    kept = [complex(s.real, abs(s.imag)) for s in corrected if s is not None and s.real >= above]
     return _distinct(np.array(kept, complex))
 
 
@@ -183,9 +188,9 @@ def _rightmost(system: DelaySystem, order: int, above: float, at_most: int) -> N
     return guesses[np.argsort(-guesses.real)][:at_most]
 
 
-def _resolved(guesses: NDArray[np.complex128], polished: list[complex | None]) -> bool:
+def _resolved(guesses: NDArray[np.complex128], corrected: list[complex | None]) -> bool:
     """True where Newton moved the collocation eigenvalues by less than 1e-6 relative."""
-    return all(s is not None and abs(s - g) <= 1e-6 * max(abs(s), 1e-2) for g, s in zip(guesses, polished))
+    return all(s is not None and abs(s - g) <= 1e-6 * max(abs(s), 1e-2) for g, s in zip(guesses, corrected))
 
 
 def _distinct(found: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -356,7 +361,7 @@ def _polished_crossing(family: DelayFamily, w: float, delay: float) -> float:
     """Newton on T so that the root near i w has no real part: dT = -Re s / Re(ds/dT)."""
     for _ in range(6):
         system = family.at(delay)
-        s = polish(system, 1j * w)
+        s = polished(system, np.array([1j * w]))[0]
         if s is None:
             return delay
         rate = root_rate(family, delay, s)

@@ -236,11 +236,12 @@ def _shares(found: NDArray[np.complex128], signals: np.ndarray, step: float) -> 
     """RMS that each pole contributes to `signals`, over the later half of the window; `found`: one of each conjugate
     pair.
     """
-    exponents = np.outer(step * np.arange(len(signals)), found)
-    basis: NDArray[np.complex128] = np.exp(np.clip(exponents.real, -300, 300) + 1j * exponents.imag)
-    power = basis.real**2 + basis.imag**2
+    times = step * np.arange(len(signals))
+    envelope, angle = np.exp(np.clip(np.outer(times, found.real), -300, 300)), np.outer(times, found.imag)
+    power = envelope**2
     size = np.sqrt(power.sum(axis=0))
-    columns = np.hstack([basis.real / size, basis.imag / size])
+    envelope /= size
+    columns = np.hstack([envelope * np.cos(angle), envelope * np.sin(angle)])
     amplitude = np.hypot(*np.split(np.linalg.lstsq(columns, signals, rcond=1e-10)[0], 2)) / size[:, None]
     late = power[len(power) // 2 :].mean(axis=0)
     pairs = np.where(found.imag > 0, 0.5, 1.0)

@@ -170,10 +170,11 @@ class _AskedPoints:
         self.done += sum(key in self.journal.findings for key in fresh)
         missing = self._unknown(points)
         room = -len(missing) % (self.chunk * self.workers.count)
+        taken = {p.key for p in missing}
+        beside = [p for p in self._unknown(self.ahead) if p.key not in taken][:room]
         self._report()
-        for answered, findings in self.workers.answers(
-            self.task, self._unknown([*missing, *self.ahead])[: len(missing) + room], self.chunk
-        ):
+        dealt = _dealt(missing, beside, self.workers.count)
+        for answered, findings in self.workers.answers(self.task, dealt, self.chunk):
             self.done += sum(p.key in self.asked and p.key not in self.journal.findings for p in answered)
             self.journal.add(answered, findings)
             self.fresh += len(answered)
@@ -186,6 +187,17 @@ class _AskedPoints:
     def _report(self) -> None:
         if self.tell:
             self.tell(SweepProgress(self.done, len(self.asked), self.fresh, time.perf_counter() - self.began))
+
+
+def _dealt(asked: Round, beside: Round, count: int) -> Round:
+    """The points in `count` shares alike, one after the other: those asked for lie near the boundary and take longer
+    than those beside them.
+    """
+
+    def part(points: Round, k: int) -> Round:
+        return points[k * len(points) // count : (k + 1) * len(points) // count]
+
+    return [p for k in range(count) for p in (*part(asked, k), *part(beside, count - 1 - k))]
 
 
 # --- designs ----------------------------------------------------------------------------------------------------------

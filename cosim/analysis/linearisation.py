@@ -20,6 +20,7 @@ from cosim.engine.master import System
 from cosim.errors import InputError, Problem
 from cosim.scenario import Scenario, joints_of
 from cosim.wiring import Link, Wiring
+from cosim.wiring.structure import of_structure
 
 
 @frozen
@@ -158,11 +159,7 @@ class _Paths:
         self.fmus, self.size = fmus, len(states)
         self.places = {name: [place[f"{name}.{state}"] for state in fmu.states] for name, fmu in fmus.items()}
         self.channels = channels
-        age = {str(hop.connection): hop.age for hop in wiring.hops}
-        self.sources = {
-            str(link.target): (str(link.source.component), link.source.variable, age_of(link, wiring, age), link.gain)
-            for link in wiring.links
-        }
+        self.sources = _sources(wiring)
         self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
         self.followed: list[tuple[str, str]] = []
         self.echoing: set[str] = set()
@@ -171,7 +168,8 @@ class _Paths:
         """One matrix (n, n) for every way."""
         total: dict[Way, np.ndarray] = {Way(0.0, ()): np.zeros((self.size, self.size))}
         for name, fmu in self.fmus.items():
-            for row, k in enumerate(self.places[name]):
+            for row in np.flatnonzero(np.any(fmu.a, axis=1) | np.any(fmu.b, axis=1)):
+                k = self.places[name][row]
                 for way, vector in self._sum(name, fmu.a[row], fmu.b[row]).items():
                     total.setdefault(way, np.zeros((self.size, self.size)))[k] += vector
         return total
@@ -181,11 +179,11 @@ class _Paths:
         own = np.zeros(self.size)
         own[self.places[name]] = by_state
         _add(total, Way(0.0, ()), own)
-        least = _ROUNDING * np.abs(np.concatenate([by_state, by_input])).max(initial=0.0)
-        for variable, weight in zip(fmu.inputs, by_input):
-            if abs(weight) > least:
-                for way, vector in self._input(name, variable).items():
-                    _add(total, way, weight * vector)
+        sizes = np.abs(by_input)
+        least = _ROUNDING * max(np.abs(by_state).max(initial=0.0), sizes.max(initial=0.0))
+        for k in np.flatnonzero(sizes > least):
+            for way, vector in self._input(name, fmu.inputs[k]).items():
+                _add(total, way, by_input[k] * vector)
         return total
 
     def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
@@ -213,6 +211,16 @@ class _Paths:
 def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
     if np.any(vector):
         total[way] = total.get(way, 0.0) + vector
+
+
+@of_structure
+def _sources(wiring: Wiring) -> dict[str, tuple[str, str, float, float]]:
+    """By input the component and the output that it comes from, the age that it then has [s], and its factor."""
+    age = {str(hop.connection): hop.age for hop in wiring.hops}
+    return {
+        str(link.target): (link.source.component, link.source.variable, age_of(link, wiring, age), link.gain)
+        for link in wiring.links
+    }
 
 
 def age_of(link: Link, wiring: Wiring, ages: Mapping[str, float]) -> float:

@@ -145,8 +145,13 @@ _ROUNDING = 1e-12
 """Share of the largest derivative of an output or state below which one is the rounding of a difference quotient."""
 
 
+_Row = dict[int, float]
+"""Weights by the places of states."""
+
+
 class _Paths:
-    """Follows signals back to states: each is a sum over ways of a row vector over the states of the system.
+    """Follows signals back to states: each is a sum over ways of a row over the states of the system, most of which it
+    does not hold: {place: weight}, which Python adds up in a tenth of the time that short arrays take.
 
     echoing: components with an output that comes back to itself without passing a state, as an unmatched wave does. It
     is followed once only.
@@ -160,7 +165,7 @@ class _Paths:
         self.places = {name: [place[f"{name}.{state}"] for state in fmu.states] for name, fmu in fmus.items()}
         self.channels = channels
         self.sources = _sources(wiring)
-        self.known: dict[tuple[str, str], dict[Way, np.ndarray]] = {}
+        self.known: dict[tuple[str, str], dict[Way, _Row]] = {}
         self.followed: list[tuple[str, str]] = []
         self.echoing: set[str] = set()
 
@@ -168,49 +173,52 @@ class _Paths:
         """One matrix (n, n) for every way."""
         total: dict[Way, np.ndarray] = {Way(0.0, ()): np.zeros((self.size, self.size))}
         for name, fmu in self.fmus.items():
-            for row in np.flatnonzero(np.any(fmu.a, axis=1) | np.any(fmu.b, axis=1)):
-                k = self.places[name][row]
-                for way, vector in self._sum(name, fmu.a[row], fmu.b[row]).items():
-                    total.setdefault(way, np.zeros((self.size, self.size)))[k] += vector
+            for k, by_state, by_input in zip(self.places[name], fmu.a.tolist(), fmu.b.tolist()):
+                for way, row in self._sum(name, by_state, by_input).items():
+                    matrix = total.setdefault(way, np.zeros((self.size, self.size)))
+                    for place, weight in row.items():
+                        matrix[k, place] += weight
         return total
 
-    def _sum(self, name: str, by_state: np.ndarray, by_input: np.ndarray) -> dict[Way, np.ndarray]:
-        fmu, total = self.fmus[name], {}
-        own = np.zeros(self.size)
-        own[self.places[name]] = by_state
-        _add(total, Way(0.0, ()), own)
-        sizes = np.abs(by_input)
-        least = _ROUNDING * max(np.abs(by_state).max(initial=0.0), sizes.max(initial=0.0))
-        for k in np.flatnonzero(sizes > least):
-            for way, vector in self._input(name, fmu.inputs[k]).items():
-                _add(total, way, by_input[k] * vector)
+    def _sum(self, name: str, by_state: list[float], by_input: list[float]) -> dict[Way, _Row]:
+        total: dict[Way, _Row] = {}
+        _add(total, Way(0.0, ()), 1.0, dict(zip(self.places[name], by_state)))
+        least = _ROUNDING * max(map(abs, (*by_state, *by_input)), default=0.0)
+        for variable, weight in zip(self.fmus[name].inputs, by_input):
+            if abs(weight) > least:
+                for way, row in self._input(name, variable).items():
+                    _add(total, way, weight, row)
         return total
 
-    def _input(self, name: str, variable: str) -> dict[Way, np.ndarray]:
+    def _input(self, name: str, variable: str) -> dict[Way, _Row]:
         if (name, variable) not in self.known:
             component, output, age, gain = self.sources[f"{name}.{variable}"]
             self.known[name, variable] = {
-                Way(round(way.age + age, 12), way.channels): gain * vector
-                for way, vector in self._output(component, output).items()
+                Way(round(way.age + age, 12), way.channels): {place: gain * weight for place, weight in row.items()}
+                for way, row in self._output(component, output).items()
             }
         return self.known[name, variable]
 
-    def _output(self, name: str, variable: str) -> dict[Way, np.ndarray]:
+    def _output(self, name: str, variable: str) -> dict[Way, _Row]:
         if (name, variable) in self.followed:
             self.echoing |= {n for n, _ in self.followed[self.followed.index((name, variable)) :]} - self.channels
             return {}
         fmu = self.fmus[name]
-        row = fmu.outputs.index(variable)
+        k = fmu.outputs.index(variable)
         through = (name,) if name in self.channels else ()
         self.followed.append((name, variable))
-        found = self._sum(name, fmu.c[row], fmu.d[row])
+        found = self._sum(name, fmu.c[k].tolist(), fmu.d[k].tolist())
         self.followed.pop()
-        return {Way(way.age, way.channels + through): v for way, v in found.items()}
+        return {Way(way.age, way.channels + through): row for way, row in found.items()}
 
 
-def _add(total: dict[Way, np.ndarray], way: Way, vector: np.ndarray) -> None:
-    if np.any(vector):
-        total[way] = total.get(way, 0.0) + vector
+def _add(total: dict[Way, _Row], way: Way, factor: float, row: _Row) -> None:
+    """Add a row times a factor, where that is anything."""
+    added = {place: value for place, weight in row.items() if (value := factor * weight) != 0.0}
+    if added:
+        known = total.setdefault(way, {})
+        for place, value in added.items():
+            known[place] = known.get(place, 0.0) + value
 
 
 @of_structure

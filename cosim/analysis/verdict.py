@@ -138,8 +138,7 @@ def _matrix(signals: Mapping[str, np.ndarray], kinds: Sequence[str]) -> np.ndarr
 def _unsaturated(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], count: int) -> int:
     """Number of samples before an actuator first saturates in either run."""
     for signals in (one, other):
-        for name, values in signals.items():
-            if name.endswith(".saturated"):
-                hit = np.flatnonzero(np.asarray(values[:count]) > 0.5)
-                count = min(count, int(hit[0])) if hit.size else count
+        for name in (name for name in signals if name.endswith(".saturated")):
+            hit = np.flatnonzero(np.asarray(signals[name][:count]) > 0.5)
+            count = min(count, int(hit[0])) if hit.size else count
     return count

@@ -47,22 +47,18 @@ class Boundary:
         assert self.tree is not None  # in two dimensions there is one
         known = [(self.tree.lattice.position(n), v) for n, v in self.tree.values.items() if np.isfinite(v)]
         corners, signs = np.array([p for p, _ in known]), np.array([1.0 if v > 0 else -1.0 for _, v in known])
-        found = np.zeros(len(positions))
+        positions = np.asarray(positions, float)
         if not known:
-            return found
-        for k, position in enumerate(positions):
-            nearest = int(np.argmin(np.sum((corners - position) ** 2, axis=1)))
-            crossed = sum(_crossings(position, corners[nearest], curve) for curve in self.curves)
-            found[k] = signs[nearest] * (-1.0) ** crossed
-        return found
+            return np.zeros(len(positions))
+        nearest = np.argmin(np.sum((corners - positions[:, None]) ** 2, axis=2), axis=1)
+        crossed = sum((_crossings(positions, corners[nearest], curve) for curve in self.curves), np.zeros(1, int))
+        return signs[nearest] * (-1.0) ** crossed
 
     def distance(self, positions: np.ndarray) -> np.ndarray:
         """Distance (n,) of positions (n, 2) from the boundary in the unit box; inf where there is none."""
         if not self.curves:
             return np.full(len(positions), np.inf)
-        return np.array(
-            [min(_distance(position, curve) for curve in self.curves) for position in np.asarray(positions)]
-        )
+        return np.min([_distances(np.asarray(positions, float), curve) for curve in self.curves], axis=0)
 
 
 # one dimension -------------------------------------------------------------------------------------------------------
@@ -366,23 +362,23 @@ def _join(one: list[np.ndarray], other: list[np.ndarray]) -> list[np.ndarray] | 
 # geometry ------------------------------------------------------------------------------------------------------------
 
 
-def _crossings(a: np.ndarray, b: np.ndarray, curve: np.ndarray) -> int:
-    """How often the segment a-b crosses a polyline (n, 2)."""
-    p, q = curve[:-1], curve[1:]
+def _crossings(a: np.ndarray, b: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """How often each segment a-b, ends (k, 2), crosses a polyline (n, 2): (k,)."""
+    a, b, p, q = a[:, None], b[:, None], curve[:-1], curve[1:]
 
     def side(u, v, w):
         return (v[..., 0] - u[..., 0]) * (w[..., 1] - u[..., 1]) - (v[..., 1] - u[..., 1]) * (w[..., 0] - u[..., 0])
 
     apart = (side(p, q, a) > 0) != (side(p, q, b) > 0)
     between = (side(a, b, p) > 0) != (side(a, b, q) > 0)
-    return int(np.sum(apart & between))
+    return np.sum(apart & between, axis=1)
 
 
-def _distance(position: np.ndarray, curve: np.ndarray) -> float:
-    """Distance of a position (2,) from a polyline (n, 2)."""
+def _distances(positions: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """Distance (k,) of positions (k, 2) from a polyline (n, 2)."""
     if len(curve) == 1:
-        return float(np.linalg.norm(position - curve[0]))
-    p, d = curve[:-1], np.diff(curve, axis=0)
+        return np.linalg.norm(positions - curve[0], axis=1)
+    positions, p, d = positions[:, None], curve[:-1], np.diff(curve, axis=0)
     length = np.maximum(np.sum(d * d, axis=1), 1e-300)
-    s = np.clip(np.sum((position - p) * d, axis=1) / length, 0.0, 1.0)
-    return float(np.min(np.linalg.norm(p + s[:, None] * d - position, axis=1)))
+    s = np.clip(np.sum((positions - p) * d, axis=2) / length, 0.0, 1.0)
+    return np.min(np.linalg.norm(p + s[:, :, None] * d - positions, axis=2), axis=1)

@@ -131,7 +131,8 @@ def polished(system: DelaySystem, guesses: NDArray[np.complex128]) -> list[compl
     modulus, found as the largest 1 / lambda of Delta(s)^-1 Delta'(s). Convergence stays quadratic at semisimple
     multiple roots, which equal axes produce.
     """
-    s, found = np.array(guesses, complex), dict[int, complex]()
+    s: NDArray[np.complex128] = np.array(guesses, complex)
+    found: dict[int, complex] = {}
     size, todo = np.full(len(s), np.inf), np.arange(len(s))
     for _ in range(_POLISH):
         # exp(-s tau) would overflow: far left, not sought

@@ -5,9 +5,13 @@ predicts.
 import numpy as np
 import pytest
 from attrs import evolve
+from scipy.linalg import expm
 
 from cosim.analysis.criteria import closed_form
+from cosim.analysis.examination import examine
+from cosim.analysis.linear_fmu import exponential
 from cosim.analysis.linearisation import Way, at_pose, linearise
+from cosim.analysis.lone_fmu import _moved
 from cosim.analysis.spectrum import abscissa, max_delay
 from cosim.analysis.twin import twin_of
 from cosim.analysis.verdict import judge
@@ -175,3 +179,28 @@ def test_a_part_of_a_packet_has_the_age_of_its_connection():
             loops.append(linearise(scenario, system).terms)
     assert loops[0].keys() == loops[1].keys() and any(way.age > 0.0 for way in loops[0])
     assert all((loops[0][way] == loops[1][way]).all() for way in loops[0])
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 30.0])
+def test_the_small_exponential_is_that_of_scipy(size):
+    """Stable matrices of any norm, nilpotent ones, none."""
+    matrix = size * (np.random.default_rng(5).standard_normal((6, 6)) - 4.0 * np.eye(6))
+    assert exponential(matrix) == pytest.approx(expm(matrix), rel=1e-10, abs=1e-12)
+    assert np.array_equal(exponential(np.array([[0.0, size], [0.0, 0.0]])), [[1.0, size], [0.0, 1.0]])
+    assert exponential(np.zeros((0, 0))).shape == (0, 0)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_fmu_alone_answers_in_c_as_in_python(fmi):
+    """The same bits of every FMU of a loop with a hand and a wall, inputs held and moved, with slopes and without."""
+    scenario, rng = load_scenario("contact").with_values({"experiment.fmi": fmi}), np.random.default_rng(1)
+    with open_system(scenario) as system:
+        alone = examine(system.wiring(scenario), system).alone
+        assert len(alone) == 8
+        for one in alone.values():
+            added = 1e-3 * rng.standard_normal((30, len(one.base)))
+            added[10:20] = added[10]
+            for slopes in (None, 1e-3 * rng.standard_normal((30, len(one.instance.slopes)))):
+                found = one.respond(added, slopes)
+                one._begin()
+                assert found.tobytes() == one._stepped(added, slopes, _moved(added, slopes)).tobytes()

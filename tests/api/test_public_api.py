@@ -145,6 +145,12 @@ def test_progress_is_told_to_anyone_who_prints(capsys):
     assert all(" of 30 s" in line for line in said)
 
 
+@pytest.mark.parametrize("progress", [lambda: None, 3])
+def test_progress_that_cannot_be_told_is_refused_before_the_run(progress):
+    with pytest.raises(cosim.InputError, match="progress"):
+        cosim.run("sallam-nodelay", progress=progress)
+
+
 def test_a_failed_run_is_a_result_that_keeps_its_rows():
     scenario = cosim.load("sallam-nodelay").with_values({"experiment.stop": 40.0, "channel_*.delay_mean": 9.0})
     with pytest.raises(cosim.InputError, match="buffer"):

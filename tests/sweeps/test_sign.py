@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from scipy.special import stdtrit
 
 from cosim.errors import InputError
 from cosim.sweeps.campaign import fingerprint
 from cosim.sweeps.evaluate import EVALUATORS, simulation, spectrum
+from cosim.sweeps.kernel import student
 from cosim.sweeps.points import Point
 from cosim.sweeps.pool import Task
 from cosim.sweeps.spec import parse_sweep
@@ -69,3 +71,8 @@ def test_where_a_boundary_is_traced_a_run_ends_only_when_its_rate_is_known():
     assert 1 <= len(ended) < sum(f.numbers["simulated_time"] < 20.0 for f in signs)
     assert all(f.high - f.low <= 0.4 * abs(f.growth_rate) for f in ended)
     assert all(a.numbers["simulated_time"] <= b.numbers["simulated_time"] for a, b in zip(signs, rates))
+
+
+def test_quantiles_are_those_of_scipy():
+    for level in (0.5, 0.8, 0.95, 0.99):
+        assert student(level) == pytest.approx(stdtrit(5, 0.5 + 0.5 * level), rel=1e-14)

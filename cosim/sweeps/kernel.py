@@ -272,7 +272,7 @@ class _Call:
         native.history = self.arena.zeros(self.width * _lane_stride(native.capacity, native.n_inputs))
         native.stamps = self.arena.array(np.zeros(native.capacity))
         if self.parts[i].packets:
-            native.packets = self.arena.zeros(self.width * _lane_stride(native.capacity, 1 + native.n_inputs))
+            native.packets = self.arena.zeros(3 * native.capacity * self.width)
             losses = [setting.lost[i] for setting in self.filled]
             if any(lost is not None for lost in losses):
                 none = np.zeros(self.experiment.steps + 1)

@@ -80,7 +80,7 @@ static void start_series(Part *a, const Component *c, real *out) {
     show_series(c, 0, a->alike, out);
 }
 
-static void start(Part *a, const Component *c, real *out) {
+static void start(Part *a, const Component *c, double size, real *out) {
     if (c->kind == OPERATOR)
         a->sine_at = -1.0, operator_start(&a->model.operator_), operator_outputs(&a->model.operator_, 0.0, out);
     else if (c->kind == ENVIRONMENT)
@@ -90,7 +90,7 @@ static void start(Part *a, const Component *c, real *out) {
     else if (c->kind == CONTROLLER)
         controller_outputs(&a->model.controller, out, out + 3);
     else if (c->kind == CHANNEL)
-        start_channel(a, c, out);
+        start_channel(a, c, size, out);
     else
         start_series(a, c, out);
 }
@@ -105,7 +105,7 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
     else if (c->kind == CONTROLLER)
         controller_outputs(&a->model.controller, out, out + 3);
     else if (c->kind == CHANNEL)
-        c->packets ? step_packets(a, c, done, time + size, out) : step_channel(a, c, done, time + size, size, out);
+        c->packets ? step_packets(a, c, done, time + size, size, out) : step_channel(a, c, done, time + size, size, out);
     else if (a->varies)
         show_series(c, done + 1, a->alike, out);
 }
@@ -146,7 +146,7 @@ static void initialise(Job *job, Part *work, const int64_t *const *sources) {
         for (int64_t i = 0; i < job->n_components; i++) {
             const Component *c = job->components + i;
             for (int64_t k = 0; k < c->n_inputs; k++) values_of(work + i)[c->inputs[k]] = job->store[sources[i][k]];
-            start(work + i, c, outputs(job, c, 0));
+            start(work + i, c, job->step_ns / 1e9, outputs(job, c, 0));
         }
     memcpy(job->store + job->n_places, job->store, (size_t)job->n_places * sizeof(real));
 }

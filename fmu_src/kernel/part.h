@@ -62,7 +62,7 @@ static const struct {
     FIELD(double *, stamps)   /* CHANNEL: [capacity] */ \
     FIELD(int64_t, capacity)  /* a power of two, above the longest delay in steps + 4 */ \
     FIELD(const double *const *, lost) /* CHANNEL of packets: [LANES] at steps 0..n, 1 where the sample is lost; NULL: none */ \
-    FIELD(double *, packets)  /* CHANNEL of packets: [LANES][capacity][1 + n_inputs], likewise: stamp, inputs; NULL: time delays */
+    FIELD(real *, packets)    /* CHANNEL of packets: [3][capacity], see packets.h; NULL: time delays */
 
 /* Wired inputs that follow one another, numbered by their value references: `n` from `to` on, held at as many places of the
  * store, or from there along lines through the places `older` and `newer`, `span` seconds apart. */
@@ -102,13 +102,15 @@ typedef struct {
     ArmPose pose;      /* ARM: of the state */
     int64_t head;      /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
-    int64_t at[LANES];
+    real_bits at;
     real delay, next_stamp, next[CHANNEL_ROW];
-    int64_t first[LANES], count[LANES]; /* CHANNEL of packets: those that a lane's ring holds */
-    double spare[CHANNEL_ROW];          /* CHANNEL of packets: where lost ones are written */
-    int64_t known;                      /* CHANNEL: whether they are those of record at + 1 in every lane */
-    int64_t varies;                     /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */
-    int64_t alike;                      /* SERIES: whether all lanes have the same numbers */
+    int64_t known;  /* CHANNEL: whether they are those of record at + 1 in every lane */
+    int64_t varies; /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */
+    int64_t alike;  /* SERIES: whether all lanes have the same numbers */
+    /* CHANNEL of packets: inputs and stamp of the record shown, stamp of the one sent last */
+    real shown[CHANNEL_ROW], shown_stamp, exit;
+    int64_t stamped;                        /* whether any lane needs stamps, that is, shows not the newest packet */
+    int64_t sent[LANES], following[LANES];  /* if so: the last record sent, and the one sent after that shown (0: none) */
 } Part;
 
 /* The variables of a component's model by their numbers. */

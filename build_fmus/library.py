@@ -60,13 +60,12 @@ def structs(name: str) -> dict[str, str]:
 def vectors() -> tuple[int, tuple[str, ...]]:
     """How many lanes (REAL_LANES of fmu_src/shared/real.h) suit this machine best, and the compiler flags for them.
 
-    The bits of a lane do not depend on either.
+    The bits of a lane do not depend on either. Two registers of AVX2: one is computed while the other waits.
     """
     from numpy._core._multiarray_umath import __cpu_features__ as has
 
     lanes, level = 4, ()
-    if this_platform().startswith("x86_64") and has.get("AVX512F") and has.get("AVX512_SKX"):
-        lanes, level = 8, ("-march=x86_64_v4", "-mtune=native")
-    elif this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
-        level = ("-march=x86_64_v3", "-mtune=native")
+    if this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
+        wide = has.get("AVX512F") and has.get("AVX512_SKX")
+        lanes, level = 8, ("-march=x86_64_v4" if wide else "-march=x86_64_v3", "-mtune=native")
     return lanes, (f"-DREAL_LANES={lanes}", *level)

@@ -9,6 +9,7 @@ computed beforehand by the FMUs themselves. `lane_refusal` says why it does not 
 from __future__ import annotations
 
 import ctypes
+import math
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
@@ -24,6 +25,7 @@ from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
 from cosim.sweeps.lane import Feed, LaneSetting
 from cosim.sweeps.lane_layout import LaneLayout, lane_layout
+from cosim.sweeps.memory import ReusedMemory
 from cosim.sweeps.native_kernel import (
     NativeComponent,
     NativeCourse,
@@ -161,6 +163,7 @@ def _course(values: Sequence[float], steps: int, step_ns: int) -> tuple[np.ndarr
 
 
 _FEED = Feed(_course)
+_MEMORY = ReusedMemory()
 
 
 def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, ending: _EndOfPairs | None) -> list[_LaneRun]:
@@ -186,7 +189,8 @@ class _Call:
         self.experiment = self.wiring.scenario.experiment
         self.arena = Arena()
         self.rows = self.experiment.rows
-        self.table = np.empty((self.width, self.rows, len(self.timetable.names)))
+        shape = self.width, self.rows, len(self.timetable.names)
+        self.table = _MEMORY.empty(math.prod(shape)).reshape(shape)
         self.ended, self.outcome = np.zeros(self.width, np.int64), np.zeros(self.width, np.int64)
         self.signs = (NativeSign * (self.width // 2))() if ending else None
         self.job = self._job()

@@ -28,6 +28,7 @@ _ARM_LAW = {
 _CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0), "stop_side": (-1.0, 1.0)}
 """The numbers that the arm takes for them."""
 _MOST_OUTPUTS = 12  # of a series
+_LEAST_STEP = 4  # ns, of channels of packets: stamps are equal within 1 ns, RING_SAME of fmu_src/shared/ring.h
 _LEAST_BOUND = 1e5
 """The kernel watches the outputs that it computes; others (packets in flight, ages) stay below this."""
 _MOST_BYTES = 1 << 30  # of the table of one call, which lies in memory
@@ -93,6 +94,8 @@ def _unfit(part: LaneComponent, wiring: Wiring) -> str | None:
         return f"{own.kind if own.model else 'a foreign FMU'} feels what is wired into it"
     if not part.model:
         return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
+    if part.packets and wiring.schedule.step_ns < _LEAST_STEP:
+        return f"its packets may arrive within a nanosecond of two steps of {wiring.schedule.step_ns} ns"
     return _UNFIT.get(part.model, _fit)(part)
 
 

@@ -7,8 +7,7 @@
 #include "../PhantomArm/arm.h"
 
 /* C(q, a) b: the Christoffel form is symmetric in a and b, so C(q, a) b = (c(a + b) - c(a - b)) / 4 with c(v) = C(q, v) v. */
-static void coriolis_between(const double body[8], const ArmPose *p, const double a[3], const double b[3],
-                             double c[3]) {
+static void coriolis_between(const ArmBody *body, const ArmPose *p, const double a[3], const double b[3], double c[3]) {
     double sum[3], difference[3], plus[3], minus[3];
     for (int i = 0; i < 3; i++) sum[i] = a[i] + b[i], difference[i] = a[i] - b[i];
     arm_coriolis(body, p, sum, plus);
@@ -28,9 +27,10 @@ static void errors(const Model *m, double e[3], double de[3]) {
 /* Phi theta = lambda (M(q) de + C(q, dq) e) - g(q) for the parameters theta. */
 static void modelled(const Model *m, const ArmPose *p, const double theta[8], const double e[3], const double de[3],
                      double torque[3]) {
-    const ArmInertia inertia = arm_inertia(theta, p);
+    const ArmBody body = arm_body(theta);
+    const ArmInertia inertia = arm_inertia(&body, p);
     double coriolis[3], gravity[3];
-    coriolis_between(theta, p, m->dq, e, coriolis);
+    coriolis_between(&body, p, m->dq, e, coriolis);
     arm_gravity(theta + 6, p, gravity);
     torque[0] = m->slope * (inertia.m11 * de[0] + coriolis[0]) - gravity[0];
     torque[1] = m->slope * (inertia.m22 * de[1] + inertia.m23 * de[2] + coriolis[1]) - gravity[1];

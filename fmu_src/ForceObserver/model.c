@@ -15,18 +15,19 @@ static double low_pass(double low, double before, double now, double a) {
 
 /* p = M dq and the torques that are not its derivative: - C' dq + N + friction. */
 static void measure(const Model *m, const ArmPose *pose, double p[3], double rest[3]) {
-    double body[8], transposed[3], gravity[3];
-    memcpy(body, m->pi, sizeof body);
+    double pi[8], transposed[3], gravity[3];
+    memcpy(pi, m->pi, sizeof pi);
     if ((int)m->mounting == MOUNTING_UPSIDE_DOWN) {
-        body[6] = -body[6];
-        body[7] = -body[7];
+        pi[6] = -pi[6];
+        pi[7] = -pi[7];
     }
-    const ArmInertia inertia = arm_inertia(body, pose);
+    const ArmBody body = arm_body(pi);
+    const ArmInertia inertia = arm_inertia(&body, pose);
     p[0] = inertia.m11 * m->dq[0];
     p[1] = inertia.m22 * m->dq[1] + inertia.m23 * m->dq[2];
     p[2] = inertia.m23 * m->dq[1] + inertia.m33 * m->dq[2];
-    arm_coriolis_transposed(body, pose, m->dq, transposed);
-    arm_gravity(body + 6, pose, gravity);
+    arm_coriolis_transposed(&body, pose, m->dq, transposed);
+    arm_gravity(pi + 6, pose, gravity);
     for (int i = 0; i < 3; i++)
         rest[i] =
             gravity[i] - transposed[i] + arm_friction(m->viscous[i], m->coulomb[i], m->coulomb_velocity[i], m->dq[i]);

@@ -5,19 +5,20 @@
 #include "../PhantomArm/arm.h"
 
 static void control(Model *m) {
-    double body[8], wanted[3], coriolis[3], gravity[3];
-    memcpy(body, m->pi, sizeof body);
+    double pi[8], wanted[3], coriolis[3], gravity[3];
+    memcpy(pi, m->pi, sizeof pi);
     if ((int)m->mounting == MOUNTING_UPSIDE_DOWN) {
-        body[6] = -body[6];
-        body[7] = -body[7];
+        pi[6] = -pi[6];
+        pi[7] = -pi[7];
     }
+    const ArmBody body = arm_body(pi);
     const ArmPose p = arm_pose(m->q);
-    const ArmInertia inertia = arm_inertia(body, &p);
+    const ArmInertia inertia = arm_inertia(&body, &p);
     for (int i = 0; i < 3; i++)
         wanted[i] = m->ddq_ref[i] + m->derivative_gain[i] * (m->dq_ref[i] - m->dq[i]) +
                     m->proportional_gain[i] * (m->q_ref[i] - m->q[i]);
-    arm_coriolis(body, &p, m->dq, coriolis);
-    arm_gravity(body + 6, &p, gravity);
+    arm_coriolis(&body, &p, m->dq, coriolis);
+    arm_gravity(pi + 6, &p, gravity);
     m->tau[0] = inertia.m11 * wanted[0];
     m->tau[1] = inertia.m22 * wanted[1] + inertia.m23 * wanted[2];
     m->tau[2] = inertia.m23 * wanted[1] + inertia.m33 * wanted[2];

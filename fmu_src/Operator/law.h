@@ -16,9 +16,18 @@ static inline real operator_sine(real turns) {
     return sine;
 }
 
+/* The hand and the tip along an axis. */
+typedef struct {
+    real hand_x, hand_dx, x, dx;
+} OperatorAxis;
+
+static inline OperatorAxis operator_axis(const OperatorModel *m, int i) {
+    return (OperatorAxis){m->hand_x[i], m->hand_dx[i], m->x[i], m->dx[i]};
+}
+
 /* grip: force of the hand on the tip = kg (x_h - x) + bg (dx_h - dx) */
-static inline real operator_grip(const OperatorModel *m, int i) {
-    return m->grip_stiffness * (m->hand_x[i] - m->x[i]) + m->grip_damping * (m->hand_dx[i] - m->dx[i]);
+static inline real operator_grip(const OperatorModel *m, const OperatorAxis *a) {
+    return m->grip_stiffness * (a->hand_x - a->x) + m->grip_damping * (a->hand_dx - a->dx);
 }
 
 /* Whether there is a hand in any lane; where there is none, nothing moves it. */
@@ -31,26 +40,19 @@ static inline real operator_reference(const OperatorModel *m, double t) {
     return operator_has_hand(m) ? operator_sine(m->reference_frequency * t) : real_of(0.0);
 }
 
-/* The same at n <= 3 times, `offsets` after a moment: a processor computes one while it waits for another. */
-static inline void operator_references(const OperatorModel *m, int n, double moment, const double *offsets,
-                                       real *sines) {
+/* The same at n <= 3 times (s, in any lane its own): a processor computes one while it waits for another. */
+static inline void operator_references(const OperatorModel *m, int n, const real *times, real *sines) {
     real angles[3], cosines[3];
-    for (int i = 0; i < n; i++) angles[i] = operator_angle(m->reference_frequency * (moment + offsets[i]));
+    for (int i = 0; i < n; i++) angles[i] = operator_angle(m->reference_frequency * times[i]);
     sincos_each(n, angles, sines, cosines);
 }
 
-/* m ddx_h = k (reference(t) - x_h) - b dx_h - grip; sine: operator_reference now */
-static inline void operator_motion(OperatorModel *m, real sine) {
-    if (!operator_has_hand(m)) {
-        for (int i = 0; i < 3; i++) m->hand_ddx[i] = real_of(0.0);
-        return;
-    }
-    for (int i = 0; i < 3; i++) {
-        const real reference = m->reference[i] + m->reference_amplitude[i] * sine;
-        const real force = m->hand_stiffness[i] * (reference - m->hand_x[i]) - m->hand_damping[i] * m->hand_dx[i] -
-                           operator_grip(m, i);
-        m->hand_ddx[i] = choose(m->hand_mass > 0.0, force / m->hand_mass, real_of(0.0));
-    }
+/* ddx_h of axis i: m ddx_h = k (reference(t) - x_h) - b dx_h - grip; sine: operator_reference now. Zero without a hand. */
+static inline real operator_acceleration(const OperatorModel *m, int i, const OperatorAxis *a, real sine) {
+    const real reference = m->reference[i] + m->reference_amplitude[i] * sine;
+    const real force =
+        m->hand_stiffness[i] * (reference - a->hand_x) - m->hand_damping[i] * a->hand_dx - operator_grip(m, a);
+    return choose(m->hand_mass > 0.0, force / m->hand_mass, real_of(0.0));
 }
 
 /* The hand holds the tip where it is. */
@@ -70,8 +72,10 @@ static inline void operator_outputs(const OperatorModel *m, double t, real f[3])
     const real turns = m->frequency * t + m->phase / (2.0 * PI);
     const real sine = any(pushes) ? choose(pushes, operator_sine(turns), none) : none;
     const int held = operator_has_hand(m);
-    for (int i = 0; i < 3; i++)
-        f[i] = m->amplitude[i] * sine + m->f_recorded[i] + (held ? choose(hand, operator_grip(m, i), none) : none);
+    for (int i = 0; i < 3; i++) {
+        const OperatorAxis axis = operator_axis(m, i);
+        f[i] = m->amplitude[i] * sine + m->f_recorded[i] + (held ? choose(hand, operator_grip(m, &axis), none) : none);
+    }
 }
 
 #endif

@@ -2,7 +2,11 @@
 #include "law.h"
 
 static void derivatives(Model *m, double t) {
-    operator_motion(m, operator_reference(m, t));
+    const double sine = operator_reference(m, t);
+    for (int i = 0; i < 3; i++) {
+        const OperatorAxis axis = operator_axis(m, i);
+        m->hand_ddx[i] = operator_acceleration(m, i, &axis, sine);
+    }
 }
 
 static const char *start(Model *m) {

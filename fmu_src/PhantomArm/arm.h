@@ -20,8 +20,16 @@ typedef struct {
     real s1, c1, s2, c2, s3, c3; /* sine and cosine of q1, q2, q3 */
 } ArmPose;
 
+/* pi, and what the motion does not change of the products that it makes. */
+typedef struct {
+    real pi[8];
+    real d2, d3, k, m23;     /* -4 p2, -4 p3, p4/2, -p4/2 */
+    real block, least_block; /* M22 M33; what the block's determinant is to be above */
+} ArmBody;
+
 typedef struct {
     real m11, m22, m33, m23; /* kg m^2; m12 = m13 = 0 */
+    real block, least_block; /* see ArmBody */
 } ArmInertia;
 
 static inline ArmPose arm_pose(const real q[3]) {
@@ -59,23 +67,40 @@ static inline void arm_torque_of_force(const ArmPose *p, const real f[3], real t
     tau[2] = ARM_L2 * (p->s3 * f[1] + p->c3 * radial);
 }
 
+/* M22 M33, and 1e-6 of it: every pivot is to be above that part of the entry that it comes from. Where M22 or M33 is not
+ * positive, nothing is enough. */
+static inline void arm_find_block(real m22, real m33, real *block, real *least) {
+    *block = m22 * m33;
+    *least = choose((m22 > 0.0) & (m33 > 0.0), 1e-6 * m22 * m33, real_of(HUGE_VAL));
+}
+
+static inline ArmBody arm_body(const real pi[8]) {
+    ArmBody b;
+    memcpy(b.pi, pi, sizeof b.pi);
+    b.d2 = -4.0 * pi[1], b.d3 = -4.0 * pi[2], b.k = 0.5 * pi[3], b.m23 = -0.5 * pi[3];
+    arm_find_block(pi[4], pi[5], &b.block, &b.least_block);
+    return b;
+}
+
 /* M11 = p1 + p2 cos 2q2 + p3 cos 2q3 + p4 cos q2 sin q3,  M22 = p5,  M33 = p6,  M23 = -p4/2 sin(q2 - q3). */
-static inline ArmInertia arm_inertia(const real pi[8], const ArmPose *p) {
+static inline ArmInertia arm_inertia(const ArmBody *b, const ArmPose *p) {
+    const real *const pi = b->pi;
     ArmInertia m;
     const real cos2q2 = p->c2 * p->c2 - p->s2 * p->s2, cos2q3 = p->c3 * p->c3 - p->s3 * p->s3;
     m.m11 = pi[0] + pi[1] * cos2q2 + pi[2] * cos2q3 + pi[3] * (p->c2 * p->s3);
     m.m22 = pi[4];
     m.m33 = pi[5];
-    m.m23 = -0.5 * pi[3] * (p->s2 * p->c3 - p->c2 * p->s3);
+    m.m23 = b->m23 * (p->s2 * p->c3 - p->c2 * p->s3);
+    m.block = b->block, m.least_block = b->least_block;
     return m;
 }
 
 /* c = C(q, dq) dq (N m), C of the Christoffel symbols: D2 = dM11/dq2, D3 = dM11/dq3, k = p4/2 cos(q2 - q3);
  * c = (dq1 (D2 dq2 + D3 dq3), -D2 dq1^2 / 2 + k dq3^2, -D3 dq1^2 / 2 - k dq2^2). */
-static inline void arm_coriolis(const real pi[8], const ArmPose *p, const real dq[3], real c[3]) {
-    const real d2 = -4.0 * pi[1] * (p->s2 * p->c2) - pi[3] * (p->s2 * p->s3);
-    const real d3 = -4.0 * pi[2] * (p->s3 * p->c3) + pi[3] * (p->c2 * p->c3);
-    const real k = 0.5 * pi[3] * (p->c2 * p->c3 + p->s2 * p->s3);
+static inline void arm_coriolis(const ArmBody *b, const ArmPose *p, const real dq[3], real c[3]) {
+    const real d2 = b->d2 * (p->s2 * p->c2) - b->pi[3] * (p->s2 * p->s3);
+    const real d3 = b->d3 * (p->s3 * p->c3) + b->pi[3] * (p->c2 * p->c3);
+    const real k = b->k * (p->c2 * p->c3 + p->s2 * p->s3);
     const real half = 0.5 * dq[0] * dq[0];
     c[0] = dq[0] * (d2 * dq[1] + d3 * dq[2]);
     c[1] = k * dq[2] * dq[2] - d2 * half;
@@ -83,10 +108,10 @@ static inline void arm_coriolis(const real pi[8], const ArmPose *p, const real d
 }
 
 /* c = C(q, dq)' dq (N m): with dM/dt = C + C', d(M dq)/dt = M ddq + C dq + C' dq. The filtered regressor needs it. */
-static inline void arm_coriolis_transposed(const real pi[8], const ArmPose *p, const real dq[3], real c[3]) {
-    const real d2 = -4.0 * pi[1] * (p->s2 * p->c2) - pi[3] * (p->s2 * p->s3);
-    const real d3 = -4.0 * pi[2] * (p->s3 * p->c3) + pi[3] * (p->c2 * p->c3);
-    const real k = 0.5 * pi[3] * (p->c2 * p->c3 + p->s2 * p->s3);
+static inline void arm_coriolis_transposed(const ArmBody *b, const ArmPose *p, const real dq[3], real c[3]) {
+    const real d2 = b->d2 * (p->s2 * p->c2) - b->pi[3] * (p->s2 * p->s3);
+    const real d3 = b->d3 * (p->s3 * p->c3) + b->pi[3] * (p->c2 * p->c3);
+    const real k = b->k * (p->c2 * p->c3 + p->s2 * p->s3);
     const real half = 0.5 * dq[0] * dq[0];
     c[0] = real_of(0.0); /* (D2 dq2 + D3 dq3)/2 dq1 - D2 dq1 dq2 / 2 - D3 dq1 dq3 / 2 */
     c[1] = d2 * half - k * dq[1] * dq[2];
@@ -112,7 +137,7 @@ static inline void arm_gravity_along(const real pg[2], const ArmPose *p, const r
 
 /* ddq = M^-1 b: a scalar and a 2x2 block (rad/s^2). */
 static inline void arm_accelerate(const ArmInertia *m, const real b[3], real ddq[3]) {
-    const real inverse = 1.0 / (m->m22 * m->m33 - m->m23 * m->m23);
+    const real inverse = 1.0 / (m->block - m->m23 * m->m23);
     ddq[0] = b[0] / m->m11;
     ddq[1] = (m->m33 * b[1] - m->m23 * b[2]) * inverse;
     ddq[2] = (m->m22 * b[2] - m->m23 * b[1]) * inverse;
@@ -121,8 +146,7 @@ static inline void arm_accelerate(const ArmInertia *m, const real b[3], real ddq
 /* True where M is positive definite by a margin: every pivot above 1e-6 of the entry it comes from, and M11 above
  * ARM_LEAST_M11. The identified columns of Taati's Table 1 fail this in part of the workspace. */
 static inline mask arm_positive_definite(const ArmInertia *m) {
-    return (m->m11 > ARM_LEAST_M11) & (m->m22 > 0.0) & (m->m33 > 0.0) &
-           (m->m22 * m->m33 - m->m23 * m->m23 > 1e-6 * m->m22 * m->m33);
+    return (m->m11 > ARM_LEAST_M11) & (m->block - m->m23 * m->m23 > m->least_block);
 }
 
 /* Workspace: the box of Sallam's Table I and the linkage's limits q2 - q3 <= 65 deg, q3 - q2 <= 55 deg. */

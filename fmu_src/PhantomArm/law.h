@@ -15,16 +15,31 @@
 #include "../shared/joint.h"
 #include "arm.h"
 
-enum { NO_FRICTION, VISCOUS_FRICTION, COULOMB_FRICTION }; /* values of `friction`: what any lane has */
+/* Values of `compensated` and of `friction`: what any lane has. BALANCED: the compensation is the very weight in every lane. */
+enum { NOT_COMPENSATED, COMPENSATED, BALANCED };
+enum { NO_FRICTION, VISCOUS_FRICTION, COULOMB_FRICTION };
 
-/* Whether a number of any lane is not zero. */
+/* Whether a number of any lane is not zero, by the bits that any has but the sign. */
 static inline int arm_has(const real *values, int n) {
-    int has = 0;
-    for (int i = 0; i < n; i++) has = has || any(values[i] != 0.0);
-    return has;
+    real_bits bits = bits_of(real_of(0.0));
+    for (int i = 0; i < n; i++) bits = bits | bits_of(values[i]);
+    return any((bits & INT64_MAX) != 0);
 }
 
 /* --- start -------------------------------------------------------------------------------------------------------- */
+
+/* pi with mounting and payload, and their products. */
+static inline const ArmBody *arm_own_body(const PhantomArmModel *m) {
+    return (const ArmBody *)m->body;
+}
+typedef char arm_body_fits[sizeof((PhantomArmModel *)0)->body == sizeof(ArmBody) ? 1 : -1];
+
+/* Whether what the device adds against gravity is of the p7 and p8 of the weight, bit by bit in every lane. */
+static inline int arm_balanced(const PhantomArmModel *m, const real weight[2]) {
+    real_bits differ = bits_of(real_of(0.0));
+    for (int i = 0; i < 2; i++) differ = differ | (bits_of(m->compensation[i]) ^ bits_of(weight[i]));
+    return !any(differ != 0);
+}
 
 /* pi with mounting and payload; what the device adds against gravity; up = (sin a, cos a cos b, cos a sin b): the
  * vertical leans by a towards x and by b towards z. */
@@ -32,14 +47,19 @@ static inline void arm_set_body(PhantomArmModel *m) {
     const real sign = choose(m->mounting == real_of(MOUNTING_UPSIDE_DOWN), real_of(-1.0), real_of(1.0));
     const mask compensated = m->gravity_compensation != 0.0;
     const ArmPose lean = arm_pose((real[3]){m->base_tilt[0], m->base_tilt[1], real_of(0.0)});
-    for (int i = 0; i < 8; i++) m->body[i] = i < 6 ? m->pi[i] : m->pi[i] * sign;
-    for (int i = 0; i < 2; i++) m->compensation[i] = choose(compensated, m->body[6 + i], real_of(0.0));
-    if (any(m->payload > 0.0)) arm_add_payload(m->body, m->payload, sign * ARM_GRAVITY);
+    real pi[8];
+    for (int i = 0; i < 8; i++) pi[i] = i < 6 ? m->pi[i] : m->pi[i] * sign;
+    for (int i = 0; i < 2; i++) m->compensation[i] = choose(compensated, pi[6 + i], real_of(0.0));
+    if (any(m->payload > 0.0)) arm_add_payload(pi, m->payload, sign * ARM_GRAVITY);
+    const ArmBody body = arm_body(pi);
+    memcpy(m->body, &body, sizeof m->body);
     m->up[0] = lean.s1;
     m->up[1] = lean.c1 * lean.c2;
     m->up[2] = lean.c1 * lean.s2;
-    m->compensated = any(compensated);
     m->tilted = arm_has(m->base_tilt, 2);
+    m->compensated = !any(compensated)                                ? NOT_COMPENSATED
+                     : m->tilted == 0 && arm_balanced(m, body.pi + 6) ? BALANCED
+                                                                      : COMPENSATED;
 }
 
 /* The unit normal of the undeclared wall; zero where it has no direction. */
@@ -81,8 +101,10 @@ static inline void arm_command(const PhantomArmModel *m, const ArmPose *p, real 
     for (int i = 0; i < 3; i++) torque[i] = m->tau[i] + part[i];
 }
 
-/* What the device adds to its commands: J' (stiffness (x_ref - x) - damping dx), then N(q) of pi and mounting (N m). */
-static inline void arm_add_own_command(const PhantomArmModel *m, const ArmPose *p, const real dq[3], real torque[3]) {
+/* What the device adds to its commands: J' (stiffness (x_ref - x) - damping dx), then N(q) of pi and mounting (N m).
+ * weight: arm_weight. */
+static inline void arm_add_own_command(const PhantomArmModel *m, const ArmPose *p, const real dq[3],
+                                       const real weight[3], real torque[3]) {
     if (m->impedance != 0) {
         real x[3], dx[3], force[3], part[3];
         arm_position(p, x);
@@ -92,8 +114,8 @@ static inline void arm_add_own_command(const PhantomArmModel *m, const ArmPose *
         for (int i = 0; i < 3; i++) torque[i] = torque[i] + part[i];
     }
     if (m->compensated != 0) {
-        real gravity[3];
-        arm_gravity(m->compensation, p, gravity);
+        real gravity[3] = {weight[0], weight[1], weight[2]};
+        if ((int)m->compensated != BALANCED) arm_gravity(m->compensation, p, gravity);
         for (int i = 0; i < 3; i++) torque[i] = torque[i] + gravity[i];
     }
 }
@@ -127,11 +149,11 @@ static inline void arm_contact_force(const PhantomArmModel *m, const ArmPose *p,
 
 /* N(q), along the vertical of a tilted base where there is one (N m) */
 static inline void arm_weight(const PhantomArmModel *m, const ArmPose *p, real gravity[3]) {
-    arm_gravity(m->body + 6, p, gravity);
+    arm_gravity(arm_own_body(m)->pi + 6, p, gravity);
     if (m->tilted != 0) {
         const mask tilted = (m->base_tilt[0] != 0.0) | (m->base_tilt[1] != 0.0);
         real along[3];
-        arm_gravity_along(m->body + 6, p, m->up, along);
+        arm_gravity_along(arm_own_body(m)->pi + 6, p, m->up, along);
         for (int i = 0; i < 3; i++) gravity[i] = choose(tilted, along[i], gravity[i]);
     }
 }
@@ -164,14 +186,14 @@ static inline void arm_coupling(const PhantomArmModel *m, const Joint joints[3],
 
 /* --- motion ------------------------------------------------------------------------------------------------------- */
 
-/* What moves the links beside their joints: balance = torque + J' (f + f_contact) - C dq - N (N m), in place. */
-static inline void arm_add_load(const PhantomArmModel *m, const ArmPose *p, const real dq[3], real torque[3]) {
+/* What moves the links beside their joints: balance = torque + J' (f + f_contact) - C dq - N (N m), in place. weight: N. */
+static inline void arm_add_load(const PhantomArmModel *m, const ArmPose *p, const real dq[3], const real weight[3],
+                                real torque[3]) {
     const real none = real_of(0.0);
-    real outside[3] = {none, none, none}, coriolis[3], gravity[3];
-    if (any((m->f[0] != 0.0) | (m->f[1] != 0.0) | (m->f[2] != 0.0))) arm_torque_of_force(p, m->f, outside);
-    arm_coriolis(m->body, p, dq, coriolis);
-    arm_weight(m, p, gravity);
-    for (int i = 0; i < 3; i++) torque[i] = torque[i] + outside[i] - coriolis[i] - gravity[i];
+    real outside[3] = {none, none, none}, coriolis[3];
+    if (arm_has(m->f, 3)) arm_torque_of_force(p, m->f, outside);
+    arm_coriolis(arm_own_body(m), p, dq, coriolis);
+    for (int i = 0; i < 3; i++) torque[i] = torque[i] + outside[i] - coriolis[i] - weight[i];
     if (m->walled != 0) {
         real force[3], push[3];
         arm_contact_force(m, p, dq, force);
@@ -184,23 +206,19 @@ static inline void arm_add_load(const PhantomArmModel *m, const ArmPose *p, cons
 static inline mask arm_respond(const ArmInertia *inertia, const real balance[3], real ddq[3]) {
     const mask definite = arm_positive_definite(inertia);
     arm_accelerate(inertia, balance, ddq);
-    for (int i = 0; i < 3; i++) ddq[i] = choose(definite, ddq[i], real_of(0.0));
+    for (int i = 0; i < 3 && !all(definite); i++) ddq[i] = choose(definite, ddq[i], real_of(0.0));
     return definite;
-}
-
-/* Joint torques of a plain arm (N m). */
-static inline void arm_plain_torques(const PhantomArmModel *m, const ArmPose *p, const real dq[3], real torque[3]) {
-    arm_command(m, p, torque);
-    arm_add_own_command(m, p, dq, torque);
-    arm_take_friction(m, dq, torque);
 }
 
 /* ddq of a plain arm at the pose p (rad/s^2); false where M is not positive definite. */
 static inline mask arm_plain_acceleration(const PhantomArmModel *m, const ArmPose *p, const real dq[3], real ddq[3]) {
-    const ArmInertia inertia = arm_inertia(m->body, p);
-    real torque[3];
-    arm_plain_torques(m, p, dq, torque);
-    arm_add_load(m, p, dq, torque);
+    const ArmInertia inertia = arm_inertia(arm_own_body(m), p);
+    real torque[3], weight[3];
+    arm_weight(m, p, weight);
+    arm_command(m, p, torque);
+    arm_add_own_command(m, p, dq, weight, torque);
+    arm_take_friction(m, dq, torque);
+    arm_add_load(m, p, dq, weight, torque);
     return arm_respond(&inertia, torque, ddq);
 }
 
@@ -220,10 +238,8 @@ static inline void arm_stay_inside(PhantomArmModel *m, int n) {
     mask inside = (m->domain != 0.0) & (m->indefinite == 0.0) & states_within(states, n);
     if (!all(free)) inside = inside & (free | arm_inside(m->q_link));
     m->domain = real_of_mask(inside);
-    for (int i = 0; i < n; i++) {
-        states[i] = choose(inside, states[i], m->kept[i]);
-        m->kept[i] = states[i];
-    }
+    for (int i = 0; i < n && !all(inside); i++) states[i] = choose(inside, states[i], m->kept[i]);
+    for (int i = 0; i < n; i++) m->kept[i] = states[i];
 }
 
 #endif

@@ -36,11 +36,13 @@ static double command_of(Model *m, const ArmPose *p, int i) {
 
 /* What the amplifiers would deliver without lag (N m). */
 static void delivered(Model *m, const ArmPose *p, double torque[3]) {
+    double weight[3];
+    arm_weight(m, p, weight);
     if (m->delays != 0)
         for (int i = 0; i < 3; i++) torque[i] = command_of(m, p, i);
     else
         arm_command(m, p, torque);
-    arm_add_own_command(m, p, m->dq_link, torque);
+    arm_add_own_command(m, p, m->dq_link, weight, torque);
     for (int i = 0; i < 3 && m->plain == 0; i++) {
         const Joint j = joint_of(m, i);
         torque[i] = joint_delivered(&j, torque[i]);
@@ -56,10 +58,16 @@ static void motor_side(const Model *m, double q[3], double dq[3]) {
     }
 }
 
+/* The entry of joint i in M loses its motor's share. */
+static void take_motor(ArmInertia *m, int i, double share) {
+    double *const diagonal[3] = {&m->m11, &m->m22, &m->m33};
+    *diagonal[i] -= share;
+    arm_find_block(m->m22, m->m33, &m->block, &m->least_block);
+}
+
 /* Torque on each link from its joint, and derivatives of the joint's own states. `inertia` loses the motors' shares. */
 static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *inertia, double torque[3]) {
     double ideal[3], q[3], dq[3], others[3] = {0, 0, 0};
-    double *diagonal[3] = {&inertia->m11, &inertia->m22, &inertia->m33};
     const Joint joints[3] = {joint_of(m, 0), joint_of(m, 1), joint_of(m, 2)};
     delivered(m, p, ideal);
     motor_side(m, q, dq);
@@ -80,7 +88,7 @@ static void joint_torques(Model *m, const ArmPose *p, double t, ArmInertia *iner
             m->der_q_motor[i] = m->dq_motor[i];
             m->der_dq_motor[i] = (torque[i] - spring) / j.motor_inertia;
             torque[i] = spring;
-            *diagonal[i] -= j.motor_inertia;
+            take_motor(inertia, i, j.motor_inertia);
         }
     }
 }
@@ -104,10 +112,11 @@ static void derivatives(Model *m, double t) {
     if (m->plain != 0 && m->coupled == 0) {
         definite = arm_plain_acceleration(m, &p, m->dq_link, m->ddq);
     } else {
-        double torque[3];
-        ArmInertia inertia = arm_inertia(m->body, &p);
+        double torque[3], weight[3];
+        ArmInertia inertia = arm_inertia(arm_own_body(m), &p);
         joint_torques(m, &p, t, &inertia, torque);
-        arm_add_load(m, &p, m->dq_link, torque);
+        arm_weight(m, &p, weight);
+        arm_add_load(m, &p, m->dq_link, weight, torque);
         definite = arm_respond(&inertia, torque, m->ddq);
     }
     memcpy(m->der_q_link, m->dq_link, sizeof m->der_q_link);
@@ -120,8 +129,8 @@ static const char *check_relations(Model *m) {
     char *text = (char *)m->text;
     const size_t size = sizeof m->text;
     const ArmPose p = arm_pose(m->q_start);
-    ArmInertia inertia = arm_inertia(m->body, &p);
-    double *diagonal[3] = {&inertia.m11, &inertia.m22, &inertia.m33};
+    ArmInertia inertia = arm_inertia(arm_own_body(m), &p);
+    const double *const diagonal[3] = {&inertia.m11, &inertia.m22, &inertia.m33};
     if (!arm_positive_definite(&inertia)) {
         snprintf(text, size,
                  "pi: M(q_start) is not positive definite: M11 = %.3g, M22 = %.3g, M33 = %.3g, det(M22..M33) = %.3g; "
@@ -143,7 +152,7 @@ static const char *check_relations(Model *m) {
                      i + 1, m->motor_inertia[i], *diagonal[i]);
             return text;
         }
-        *diagonal[i] -= j.motor_inertia;
+        take_motor(&inertia, i, j.motor_inertia);
     }
     if (!arm_positive_definite(&inertia)) {
         snprintf(text, size,
@@ -163,7 +172,7 @@ static const char *check_relations(Model *m) {
  * sqrt(stiffness W_ii). */
 static double impedance_rate(const Model *m) {
     const ArmPose p = arm_pose(m->q_start);
-    const ArmInertia inertia = arm_inertia(m->body, &p);
+    const ArmInertia inertia = arm_inertia(arm_own_body(m), &p);
     double fastest = 0;
     for (int i = 0; i < 3; i++) {
         double force[3] = {0, 0, 0}, torque[3], ddq[3], ddx[3];

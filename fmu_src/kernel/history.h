@@ -28,7 +28,6 @@ static inline void enter(Part *a, const Component *c, double stamp) {
     write_rows(numbers, c->n_inputs, rows);
 }
 
-
 /* The delays at communication point `point`. */
 static inline void read_delays(Part *a, const Component *c, int64_t point) {
     for (int lane = 0; lane < LANES; lane++) LANE(a->delay, lane) = c->series[lane][point * c->series_step[lane]];

@@ -82,7 +82,7 @@ static void start_series(Part *a, const Component *c, real *out) {
 
 static void start(Part *a, const Component *c, double size, real *out) {
     if (c->kind == OPERATOR)
-        a->sine_at = -1.0, operator_start(&a->model.operator_), operator_outputs(&a->model.operator_, 0.0, out);
+        start_operator(a, out);
     else if (c->kind == ENVIRONMENT)
         environment_outputs(&a->model.environment, out);
     else if (c->kind == ARM)
@@ -105,7 +105,8 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
     else if (c->kind == CONTROLLER)
         controller_outputs(&a->model.controller, out, out + 3);
     else if (c->kind == CHANNEL)
-        c->packets ? step_packets(a, c, done, time + size, size, out) : step_channel(a, c, done, time + size, size, out);
+        c->packets ? step_packets(a, c, done, time + size, size, out)
+                   : step_channel(a, c, done, time + size, size, out);
     else if (a->varies)
         show_series(c, done + 1, a->alike, out);
 }

@@ -29,7 +29,7 @@ static inline void rates(void *system, double offset, const real *at, real *k) {
     move_inputs(a, offset);
     for (int i = 0; i < 3; i++) k[i] = state[3 + i];
     const mask definite = arm_plain_acceleration(m, pose, state + 3, k + 3);
-    m->indefinite = choose(definite, m->indefinite, real_of(1.0));
+    if (!all(definite)) m->indefinite = choose(definite, m->indefinite, real_of(1.0));
 }
 
 /* What a plain arm has, and what does nothing without something else. */
@@ -40,14 +40,14 @@ static inline void rates(void *system, double offset, const real *at, real *k) {
      PLAIN_BIT(hysteresis_exponent) | PLAIN_BIT(friction_drift_time))
 
 /* Torques of rigid joints with effects, and the rates of their hysteresis (model.c has the same for an instance). */
-static inline void effect_torques(const Part *a, const ArmPose *p, double t, const real *state, real torque[3],
-                                  real *k) {
+static inline void effect_torques(const Part *a, const ArmPose *p, double t, const real *state, const real weight[3],
+                                  real torque[3], real *k) {
     const PhantomArmModel *m = &a->model.arm;
     const Joint *const joints = a->joints;
     const real none = real_of(0.0);
     real motor[3], others[3] = {none, none, none};
     arm_command(m, p, motor);
-    arm_add_own_command(m, p, state + 3, motor);
+    arm_add_own_command(m, p, state + 3, weight, motor);
     if (a->coupled) arm_coupling(m, joints, state, state + 3, others);
     for (int i = 0; i < 3; i++) {
         const Joint *j = joints + i;
@@ -65,13 +65,15 @@ static inline void effect_rates(void *system, double offset, const real *at, rea
     PhantomArmModel *m = &a->model.arm;
     const real *state = at ? at : PhantomArm_STATE(m);
     const ArmPose pose = at ? arm_pose(at) : a->pose;
-    const ArmInertia inertia = arm_inertia(m->body, &pose);
-    real torque[3];
+    const ArmInertia inertia = arm_inertia(arm_own_body(m), &pose);
+    real torque[3], weight[3];
     move_inputs(a, offset);
-    effect_torques(a, &pose, a->begun + offset, state, torque, k);
-    arm_add_load(m, &pose, state + 3, torque);
+    arm_weight(m, &pose, weight);
+    effect_torques(a, &pose, a->begun + offset, state, weight, torque, k);
+    arm_add_load(m, &pose, state + 3, weight, torque);
     for (int i = 0; i < 3; i++) k[i] = state[3 + i];
-    m->indefinite = choose(arm_respond(&inertia, torque, k + 3), m->indefinite, real_of(1.0));
+    const mask definite = arm_respond(&inertia, torque, k + 3);
+    if (!all(definite)) m->indefinite = choose(definite, m->indefinite, real_of(1.0));
 }
 
 /* The joints, and which effects any of any lane has. */
@@ -135,41 +137,98 @@ static void step_arm(Part *a, double time, double size, real *out) {
 
 #define HAND_STATES 6
 
+/* An internal step: begins, is half over, ends. */
+enum { BEGIN, MIDDLE, END, MOMENTS };
+
+/* A hand in an internal step: its states; where the tip is and the sine of the reference's motion at the three moments. */
+typedef struct {
+    const OperatorModel *model;
+    int stage;
+    real states[HAND_STATES], x[MOMENTS][3], dx[MOMENTS][3], sines[MOMENTS];
+} Hand;
+
 static inline void hand_rates(void *system, double offset, const real *at, real *k) {
-    Part *a = system;
-    OperatorModel *m = &a->model.operator_;
-    for (int i = 0; at && i < HAND_STATES; i++) m->hand_x[i] = at[i];
-    move_inputs(a, offset);
-    operator_motion(m, a->sines[offset == a->offsets[0] ? 0 : offset == a->offsets[1] ? 1 : 2]);
-    for (int i = 0; i < 3; i++) k[i] = m->hand_dx[i], k[3 + i] = m->hand_ddx[i];
+    Hand *hand = system;
+    const real *state = at ? at : hand->states;
+    const int moment = (++hand->stage) / 2; /* stages of Runge-Kutta: at the beginning, two in the middle, at the end */
+    (void)offset;
+    for (int i = 0; i < 3; i++) {
+        const OperatorAxis axis = {state[i], state[3 + i], hand->x[moment][i], hand->dx[moment][i]};
+        k[i] = state[3 + i], k[3 + i] = operator_acceleration(hand->model, i, &axis, hand->sines[moment]);
+    }
 }
 
-/* The sines of the reference's motion at the beginning, in the middle and at the end of an internal step. */
-static inline void find_sines(Part *a, double offset, double size) {
+/* Middles and ends of as many internal steps as there are pairs of lanes, from step i on. */
+static inline real moments_ahead(double begun, double size, int64_t i, int64_t steps) {
+    real times = real_of(0.0);
+    for (int lane = 0; lane + 1 < LANES; lane += 2) {
+        const double offset = size * (double)(i + lane / 2) / (double)steps, h = size / (double)steps;
+        LANE(times, lane) = begun + (offset + 0.5 * h), LANE(times, lane + 1) = begun + (offset + h);
+    }
+    return times;
+}
+
+/* The sines of the reference's motion in internal step i. Lanes of one frequency have the same: each lane computes another's. */
+static inline void find_sines(Part *a, int64_t i, int64_t steps, double size, real sines[MOMENTS]) {
     const OperatorModel *m = &a->model.operator_;
-    const real last = a->sines[2];
-    a->offsets[0] = offset, a->offsets[1] = offset + 0.5 * size, a->offsets[2] = offset + size;
-    if (a->begun + offset == a->sine_at) /* the end of the step before */
-        operator_references(m, 2, a->begun, a->offsets + 1, a->sines + 1), a->sines[0] = last;
+    const double offset = size * (double)i / (double)steps, h = size / (double)steps;
+    const real times[MOMENTS] = {real_of(a->begun + offset), real_of(a->begun + (offset + 0.5 * h)),
+                                 real_of(a->begun + (offset + h))};
+    if (a->begun + offset == a->sine_at)
+        sines[BEGIN] = a->sine;
     else
-        operator_references(m, 3, a->begun, a->offsets, a->sines);
-    a->sine_at = a->begun + a->offsets[2];
+        operator_references(m, 1, times, sines);
+    if (a->alike && LANES > 1) {
+        const int place = (int)(i % (LANES / 2)) * 2;
+        if (place == 0) {
+            const real ahead = moments_ahead(a->begun, size, i, steps);
+            operator_references(m, 1, &ahead, &a->ahead);
+        }
+        sines[MIDDLE] = real_of(LANE(a->ahead, place)), sines[END] = real_of(LANE(a->ahead, place + 1));
+    } else
+        operator_references(m, 2, times + MIDDLE, sines + MIDDLE);
+    a->sine = sines[END], a->sine_at = a->begun + (offset + h);
+}
+
+/* Where the tip is at a moment. */
+static inline void find_tip(Part *a, double offset, real x[3], real dx[3]) {
+    const OperatorModel *m = &a->model.operator_;
+    move_inputs(a, offset);
+    for (int i = 0; i < 3; i++) x[i] = m->x[i], dx[i] = m->dx[i];
+}
+
+static inline void move_hand(Part *a, double size) {
+    OperatorModel *m = &a->model.operator_;
+    const int64_t steps = (int64_t)LANE(m->internal_steps, 0);
+    const double h = size / (double)steps;
+    Hand hand;
+    hand.model = m;
+    memcpy(hand.states, m->hand_x, sizeof hand.states);
+    for (int64_t i = 0; i < steps; i++) {
+        const double offset = size * (double)i / (double)steps,
+                     offsets[MOMENTS] = {offset, offset + 0.5 * h, offset + h};
+        hand.stage = 0;
+        find_sines(a, i, steps, size, hand.sines);
+        for (int k = 0; k < MOMENTS; k++) find_tip(a, offsets[k], hand.x[k], hand.dx[k]);
+        runge_kutta(hand_rates, &hand, HAND_STATES, hand.states, offset, h);
+    }
+    memcpy(m->hand_x, hand.states, sizeof hand.states);
 }
 
 static void step_operator(Part *a, double time, double size, real *out) {
     OperatorModel *m = &a->model.operator_;
-    const int64_t steps = (int64_t)LANE(m->internal_steps, 0);
-    real states[HAND_STATES];
     a->begun = time;
-    for (int64_t i = 0; i < steps; i++) {
-        const double offset = size * (double)i / (double)steps;
-        memcpy(states, m->hand_x, sizeof states);
-        find_sines(a, offset, size / (double)steps);
-        runge_kutta(hand_rates, a, HAND_STATES, states, offset, size / (double)steps);
-        memcpy(m->hand_x, states, sizeof states);
-    }
+    if (operator_has_hand(m)) move_hand(a, size);
     move_inputs(a, size);
     operator_outputs(m, time + size, out);
+}
+
+static void start_operator(Part *a, real *out) {
+    OperatorModel *m = &a->model.operator_;
+    a->sine_at = -1.0;
+    a->alike = all(m->reference_frequency == real_of(LANE(m->reference_frequency, 0)));
+    operator_start(m);
+    operator_outputs(m, 0.0, out);
 }
 
 #endif

@@ -77,7 +77,7 @@ LAYOUT(Wire, WIRE)
 LAYOUT_SHOWN(Component, COMPONENT)
 LAYOUT_SHOWN(Wire, WIRE)
 
-enum { CHANNEL_ROW = 8 }; /* stamp and six inputs, in fours */
+enum { CHANNEL_ROW = 8 }; /* six inputs, in fours */
 
 /* A component at work, in all lanes. */
 typedef struct {
@@ -91,26 +91,26 @@ typedef struct {
     real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
     const Wire *lines;                                       /* ARM, OPERATOR: [n_lines] */
     int64_t n_lines;
-    double moved;      /* ARM: s, how far along */
-    double begun;      /* ARM, OPERATOR: s, time of the communication point */
-    uint64_t effects;  /* ARM: bits by JOINT_PLACE of what any joint of any lane has beside friction */
-    int64_t coupled;   /* ARM: whether a joint of any lane feels another one */
-    Joint joints[3];   /* ARM: its parameters, joint by joint */
-    double sine_at;    /* OPERATOR: s, time of the last of its reference's sines */
-    double offsets[3]; /* OPERATOR: s, from `begun` to the beginning, middle and end of the internal step */
-    real sines[3];     /* OPERATOR: of its reference's motion there */
-    ArmPose pose;      /* ARM: of the state */
-    int64_t head;      /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
+    double moved;     /* ARM: s, how far along */
+    double begun;     /* ARM, OPERATOR: s, time of the communication point */
+    uint64_t effects; /* ARM: bits by JOINT_PLACE of what any joint of any lane has beside friction */
+    int64_t coupled;  /* ARM: whether a joint of any lane feels another one */
+    Joint joints[3];  /* ARM: its parameters, joint by joint */
+    double sine_at;   /* OPERATOR: s, time of the last of its reference's sines */
+    real sine, ahead; /* OPERATOR: it; where all lanes have the same, further sines that they computed side by side */
+    ArmPose pose;     /* ARM: of the state */
+    int64_t head;     /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
     real_bits at;
     real delay, next_stamp, next[CHANNEL_ROW];
     int64_t known;  /* CHANNEL: whether they are those of record at + 1 in every lane */
     int64_t varies; /* CHANNEL: whether a lane's delay changes; SERIES: whether its numbers do */
-    int64_t alike;  /* SERIES: whether all lanes have the same numbers */
+    int64_t alike;  /* SERIES, OPERATOR: whether all lanes have the same numbers; the same reference's frequency */
     /* CHANNEL of packets: inputs and stamp of the record shown, stamp of the one sent last */
     real shown[CHANNEL_ROW], shown_stamp, exit;
-    int64_t stamped;                        /* whether any lane needs stamps, that is, shows not the newest packet */
-    int64_t sent[LANES], following[LANES];  /* if so: the last record sent, and the one sent after that shown (0: none) */
+    int64_t stamped; /* whether any lane needs stamps, that is, shows not the newest packet */
+    int64_t sent[LANES],
+        following[LANES]; /* if so: the last record sent, and the one sent after that shown (0: none) */
 } Part;
 
 /* The variables of a component's model by their numbers. */

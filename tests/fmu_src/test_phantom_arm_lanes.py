@@ -15,27 +15,29 @@ BODY = """
 static void everything(const real *in, real *out)
 {
     const real *pi = in, *q = in + 8, *dq = in + 11, *f = in + 14;
-    real body[8];
+    real loaded[8];
+    const ArmBody body = arm_body(pi);
     const real up[3] = {real_of(0.1), real_of(0.9), real_of(-0.2)};
     const ArmPose p = arm_pose(q);
-    const ArmInertia m = arm_inertia(pi, &p);
+    const ArmInertia m = arm_inertia(&body, &p);
     int n = 0;
     out[n++] = p.s1; out[n++] = p.c1; out[n++] = p.s2; out[n++] = p.c2; out[n++] = p.s3; out[n++] = p.c3;
     out[n++] = m.m11; out[n++] = m.m22; out[n++] = m.m33; out[n++] = m.m23;
     arm_position(&p, out + n); n += 3;
     arm_velocity(&p, dq, out + n); n += 3;
     arm_torque_of_force(&p, f, out + n); n += 3;
-    arm_coriolis(pi, &p, dq, out + n); n += 3;
-    arm_coriolis_transposed(pi, &p, dq, out + n); n += 3;
+    arm_coriolis(&body, &p, dq, out + n); n += 3;
+    arm_coriolis_transposed(&body, &p, dq, out + n); n += 3;
     arm_gravity(pi + 6, &p, out + n); n += 3;
     arm_gravity_along(pi + 6, &p, up, out + n); n += 3;
     arm_accelerate(&m, f, out + n); n += 3;
     out[n++] = arm_friction(pi[0], pi[1], real_of(0.01), dq[0]);
     out[n++] = choose(arm_positive_definite(&m), real_of(1.0), real_of(0.0));
     out[n++] = choose(arm_inside(q), real_of(1.0), real_of(0.0));
-    memcpy(body, pi, sizeof body);
-    arm_add_payload(body, dq[1], real_of(9.81));
-    out[n++] = body[0] + body[1] + body[2]; out[n++] = body[3] + body[6]; out[n++] = body[4] + body[5] + body[7];
+    memcpy(loaded, pi, sizeof loaded);
+    arm_add_payload(loaded, dq[1], real_of(9.81));
+    out[n++] = loaded[0] + loaded[1] + loaded[2];
+    out[n++] = loaded[3] + loaded[6]; out[n++] = loaded[4] + loaded[5] + loaded[7];
     out[n++] = arm_radius(&p);
 }
 """

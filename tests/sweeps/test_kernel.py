@@ -22,6 +22,7 @@ from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import drawn
 from cosim.sweeps.lane_refusal import lane_refusal
+from cosim.sweeps.memory import ReusedMemory
 from cosim.sweeps.points import Point
 
 RECORD = ["arm_l.q", "arm_l.dq", "arm_r.x", "controller_r.f", "channel_lr.y"]
@@ -185,6 +186,17 @@ def test_any_number_of_scenarios_and_workers(more):
     assert worst(one[-1], last) <= RELATIVE
 
 
+def test_memory_is_used_again_when_no_view_of_an_array_is_left():
+    memory = ReusedMemory()
+    array = memory.empty(10)
+    address, view = array.ctypes.data, array.reshape(2, 5)[1]
+    del array
+    assert memory.empty(10).ctypes.data != address
+    view[:] = 3.0
+    del view
+    assert address in [memory.empty(10).ctypes.data, memory.empty(10).ctypes.data]
+
+
 WIDTHS = [(), ("-DREAL_LANES=2",), ("-DREAL_LANES=4",), ("-DREAL_LANES=8",), ("-DREAL_LANES=16",)]
 
 
@@ -213,6 +225,11 @@ REFUSED = {
     "controller_l: it has a step multiple": {"controller_l.step_multiple": 2},
     "operator: it has a step multiple": {"operator.step_multiple": 2},
     "arm_r: its contact_normal is zero": {"arm_r.contact_stiffness": 100.0},
+    "channel_lr: its packets may arrive within a nanosecond of two steps of 2 ns": {
+        "channel_lr.semantics": "newest_packet",
+        "experiment.step": 2e-9,
+        "experiment.stop": 1e-6,
+    },
 }
 
 
@@ -232,6 +249,7 @@ def test_leaves_long_runs_to_the_executor_whose_table_may_lie_on_disk():
 def test_a_hand_that_feels_the_arm_and_a_wall():
     """Beside lanes without a wall, with a wall that leans, without a hand, with a hand that is pushed besides."""
     no_hand = {"operator.hand_mass": 0.0, "operator.amplitude": [0.3, 0.0, 0.1], "operator.frequency": 2.0}
+    no_hand |= {"operator.reference_frequency": 0.3}
     lean = {"environment.normal": [-1.0, 0.4, 0.0], "environment.offset": -0.015}
     pushed = {"operator.amplitude": [0.0, 0.2, 0.0], "operator.frequency": 0.7, "operator.stop_time": 0.4}
     found = check(
@@ -239,6 +257,8 @@ def test_a_hand_that_feels_the_arm_and_a_wall():
         ["arm_l.q", "arm_r.dq", "operator.f", "environment.f", "channel_rl.y"],
     )
     assert np.abs(found[0].signals["environment.f[1]"]).max() > 1.0
+    steps = {"operator.internal_steps": 3}  # lanes share sines of one frequency, at moments that do not fill them
+    check(settings("contact", 0.3, steps, steps | {"operator.hand_mass": 0.3}), ["operator.f", "arm_l.q"])
 
 
 def test_refuses_loops_that_it_does_not_compute():

@@ -26,6 +26,7 @@ class Response:
         self._a, self._b = (self._matrix(m) for m in (certificate.loop.transition, certificate.loop.drive))
         self._c, self._d = (self._matrix(m) for m in (certificate.loop.moved, certificate.loop.moved_now))
         self._forms = [self._matrix(m.form) for m in certificate.multipliers]
+        self._sizes = [self._sized(form) for form in self._forms]
         bounds = [flint.arb(flint.fmpq(r.numerator, r.denominator)) for r in certificate.grid.rests()]
         self._bends = [
             sum((bound * flint.arb(float(r)) for bound, r in zip(bounds, m.rests)), flint.arb(0))
@@ -42,13 +43,13 @@ class Response:
             return self._negative(low, high)
 
     def _negative(self, low: Fraction, high: Fraction) -> bool:
-        if high <= low * _NARROW and self._quiet(low, high):
-            return True
         arb, acb_mat = self._flint.arb, self._flint.acb_mat
-        middle, half = self._ball((low + high) / 2), self._ball((high - low) / 2)
-        reach = arb(0, 1) * half
+        middle, reach = self._interval(low, high)
         try:
-            (value, _), (_, slope) = self._form(middle), self._form(middle + reach)
+            around = self._increments(middle + reach)
+            if high <= low * _NARROW and self._quiet(low, high, around[0]):
+                return True
+            (value, _), (_, slope) = self._form(middle, self._increments(middle)), self._form(middle + reach, around)
         except ZeroDivisionError:  # z - A may be singular somewhere in a ball this wide
             return False
         p = self._loop.channels
@@ -59,23 +60,24 @@ class Response:
             bool((both[i, i].real + sum((abs(both[i, j]) for j in range(p) if j != i), arb(0))) < 0) for i in range(p)
         )
 
-    def _quiet(self, low: Fraction, high: Fraction) -> bool:
+    def _interval(self, low: Fraction, high: Fraction) -> tuple[Any, Any]:
+        """The middle, and a ball about zero as wide as the interval."""
+        return self._ball((low + high) / 2), self._flint.arb(0, 1) * self._ball((high - low) / 2)
+
+    def _quiet(self, low: Fraction, high: Fraction, moved) -> bool:
         """Whether F < 0 whatever the phases of all delays on [low, high] are: where the loop hardly answers any more.
 
         With h the sizes of H, |x[k-p] - x[k]| <= min(p, 1/sin(w/2)) |x[k+1] - x[k]|, so that v^* F v <= |v|^T S |v|
         with S = diag(a) + (b h + its transpose) + h^T c h, of the sums a, b, c of the form's entries; S < 0 by its
-        rows.
+        rows. moved: H on all of the interval.
         """
         arb, p = self._flint.arb, self._loop.channels
         edges = [(self._ball(edge) / 2).sin() for edge in (low, high)]
         still = 1 / edges[0].min(edges[1])
-        try:
-            moved = self._moved(self._ball((low + high) / 2) + arb(0, 1) * self._ball((high - low) / 2))[0]
-        except ZeroDivisionError:
-            return False
         h = [[abs(moved[c, k]) for k in range(p)] for c in range(p)]
-        reach = [arb(point).min(still) for point in self._grid.points]
-        a, b, c = zip(*(self._sums(self._uses[k], reach) for k in range(p)))
+        reach = self._flint.arb_mat([[arb(point).min(still)] for point in self._grid.points])
+        sums = [self._sums(group, reach) for group in range(len(self._forms))]
+        a, b, c = zip(*(sums[group] for group in self._uses))
         rows = [
             a[k]
             + sum((b[k] * h[k][m] + b[m] * h[m][k] for m in range(p)), arb(0))
@@ -85,20 +87,29 @@ class Response:
         return all(bool(row < 0) for row in rows)
 
     def _sums(self, group: int, reach) -> tuple[Any, Any, Any]:
-        """What a form of a group is at most, over |w|^2, |w| |x[k+1] - x[k]| and |x[k+1] - x[k]|^2."""
-        arb, form, lifts = self._flint.arb, self._forms[group], len(self._grid.lifts)
-        size = lifts + len(reach)
-        own = sum((form[i, i].real for i in range(lifts)), arb(0))
-        own += sum((abs(form[i, j]) for i in range(lifts) for j in range(lifts) if i != j), arb(0))
-        cross = sum((abs(form[i, lifts + j]) * r for i in range(lifts) for j, r in enumerate(reach)), arb(0))
-        far = range(lifts, size)
-        square = sum((abs(form[i, j]) * reach[i - lifts] * reach[j - lifts] for i in far for j in far), arb(0))
-        return own, cross, square + 4 * self._bends[group]
+        """What a form of a group is at most, over |w|^2, |w| |x[k+1] - x[k]| and |x[k+1] - x[k]|^2.
 
-    def _form(self, w):
-        """F(w) and F'(w) at a ball w."""
+        reach: what stands for the sum behind each point, (points, 1).
+        """
+        own, cross, square = self._sizes[group]
+        return own, (cross * reach)[0, 0], (reach.transpose() * (square * reach))[0, 0] + 4 * self._bends[group]
+
+    def _sized(self, form) -> tuple[Any, Any, Any]:
+        """Sums of the sizes of a form's entries: of the lifts, whose diagonal keeps its sign; of the lifts by point
+        (1, points); and the sizes of those of the points (points, points).
+        """
+        flint, lifts, size = self._flint, len(self._grid.lifts), form.nrows()
+        with flint.ctx.workprec(_BITS):
+            own = sum((form[i, i].real for i in range(lifts)), flint.arb(0))
+            own += sum((abs(form[i, j]) for i in range(lifts) for j in range(lifts) if i != j), flint.arb(0))
+            cross = [sum((abs(form[i, j]) for i in range(lifts)), flint.arb(0)) for j in range(lifts, size)]
+            square = [[abs(form[i, j]) for j in range(lifts, size)] for i in range(lifts, size)]
+        return own, flint.arb_mat([cross]), flint.arb_mat(square)
+
+    def _form(self, w, increments):
+        """F(w) and F'(w) at a ball w, given `_increments` there."""
         flint, p, grid = self._flint, self._loop.channels, self._grid
-        moved, moved_slope = self._increments(w)
+        moved, moved_slope = increments
         back = self._back(w)
         value, slope = flint.acb_mat(p, p), flint.acb_mat(p, p)
         late = [self._late(w, lift) for lift in grid.lifts]
@@ -126,18 +137,12 @@ class Response:
 
     def _increments(self, w):
         """H(w) = C (z - A)^-1 B + D and its derivative -C (z - A)^-1 i z (z - A)^-1 B."""
-        flint = self._flint
-        moved, inner, state = self._moved(w)
-        return moved, self._c * (inner * state) * (-flint.acb(0, 1) * (flint.acb(0, 1) * flint.acb(w)).exp())
-
-    def _moved(self, w):
-        """H(w), (z - A)^-1 and (z - A)^-1 B."""
-        flint = self._flint
+        flint, n = self._flint, self._a.nrows()
         z = (flint.acb(0, 1) * flint.acb(w)).exp()
-        n = self._a.nrows()
-        inner = flint.acb_mat([[(z if i == j else 0) - self._a[i, j] for j in range(n)] for i in range(n)]).inv()
+        inner = flint.acb_mat([[z if i == j else 0 for j in range(n)] for i in range(n)]) - self._a
+        inner = inner.inv()
         state = inner * self._b
-        return self._c * state + self._d, inner, state
+        return self._c * state + self._d, self._c * (inner * state) * (-flint.acb(0, 1) * z)
 
     def _late(self, w, steps: int):
         """z^-steps and its derivative."""

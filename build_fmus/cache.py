@@ -3,15 +3,20 @@
 import glob
 import hashlib
 import os
+import pickle
 import shutil
+import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 from build_fmus.errors import BuildError
 from build_fmus.scratch import abandoned, fcntl, held, workspace
+
+Kept = TypeVar("Kept")
 
 
 def cache_folder() -> Path:
@@ -74,6 +79,20 @@ def key_of(*parts: bytes | str) -> str:
         digest.update(len(data).to_bytes(8, "little"))
         digest.update(data)
     return digest.hexdigest()
+
+
+def remembered(kind: str, key: str, make: Callable[[], Kept]) -> Kept:
+    """What `make` gives, kept from one process to the next; `key` must tell everything that decides it."""
+    try:
+        path = cache_folder() / kind / f"{key_of(sys.version, builder_code(), key)[:24]}.pickle"
+    except BuildError:  # nowhere to keep it
+        return make()
+    with suppress(Exception):  # not there yet, or damaged
+        return pickle.loads(path.read_bytes())
+    found = make()
+    with suppress(BuildError):  # as good without
+        store(path, pickle.dumps(found))
+    return found
 
 
 @cache

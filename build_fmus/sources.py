@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 
+from build_fmus.cache import key_of, remembered
 from build_fmus.errors import BadRequestError, BuildError, SourceError
 from build_fmus.table import ModelTable, load_table, suggestion
 
@@ -54,7 +55,14 @@ def model_table(model: str) -> ModelTable:
 
 @lru_cache(maxsize=32)
 def _table(path: Path, changed: tuple[int, ...]) -> ModelTable:
-    return load_table(path, source_root() / "shared")
+    """As read before by any process, as long as no table beside it or in the shared folder has changed."""
+    shared = source_root() / "shared"
+    files = [path, *sorted(path.parent.glob("*.toml")), *sorted(shared.glob("*.toml"))]
+    try:
+        read = key_of(*(x for file in files if file.is_file() for x in (file.name, file.read_bytes())))
+    except OSError:
+        return load_table(path, shared)  # which says what cannot be read
+    return remembered("tables", read, lambda: load_table(path, shared))
 
 
 def model_files(home: Path, fmi: int, extra: Mapping[str, bytes] | None = None) -> dict[str, bytes]:

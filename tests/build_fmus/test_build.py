@@ -3,6 +3,7 @@
 import ctypes
 import errno
 import os
+import pickle
 import subprocess
 import sys
 import zipfile
@@ -16,7 +17,7 @@ from attrs import evolve
 from fmpy.validation import validate_fmu
 from typer.testing import CliRunner
 
-from build_fmus import BuildError, cache, compiler, fmu_path, models, recording_fmu, start_values
+from build_fmus import BuildError, cache, compiler, fmu_path, models, recording_fmu, sources, start_values
 from build_fmus.cli import app, platforms_apart
 from build_fmus.description import describe
 from build_fmus.header import batch_header, functions, header
@@ -500,3 +501,18 @@ def test_an_output_without_feedthrough_depends_on_nothing():
     reference = table.references("tau")[0]
     assert f'<Unknown index="{reference + 1}" dependencies=""/>' in describe(table, 2, "t")
     assert f'<Output valueReference="{reference}" dependencies=""/>' in describe(table, 3, "t")
+
+
+def test_tables_are_kept_from_one_process_to_the_next(fresh_cache, tmp_path):
+    """Read from what was kept, or anew where that is damaged or the file has changed."""
+    path, words = tmp_path / "model.toml", sources.model_table(SMALL).model.description
+    path.write_bytes((sources.source_root() / SMALL / "model.toml").read_bytes())
+    read = sources._table.__wrapped__  # what a process does that has not read it yet
+    first = read(path, ())
+    kept = max((fresh_cache / "tables").iterdir(), key=lambda file: file.stat().st_mtime_ns)
+    kept.write_bytes(pickle.dumps("kept"))
+    assert first.model.description == words and read(path, ()) == "kept"
+    kept.write_bytes(b"damaged")
+    assert read(path, ()) == first
+    path.write_text(path.read_text().replace(words, "another"))
+    assert read(path, ()).model.description == "another"

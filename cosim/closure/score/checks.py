@@ -54,10 +54,10 @@ def incomplete(model: Model) -> dict[int, str]:
 
 def _reported(model: Model, joint: int, noise: float) -> float:
     """How many times as much is left on reported rows as fitted ones, the noise and the coefficients' own uncertainty
-    let expect, zero where no more than may be; without single moments, which lie on either side by chance.
+    let expect, zero where no more than may be; without moments and spikes, which lie on either side by chance.
     """
     test, usual = model.setting.rows.test, model.setting.use & (model.kept > HALF)
-    usual[joint, _moments(model, joint)] = False
+    usual[joint, np.r_[_moments(model, joint), _spikes(model, joint)]] = False
     fitted, held = (_rms(model.residual, usual & rows)[joint] for rows in (~test, test))
     torque = _rms(model.setting.y + model.setting.given, model.setting.use & test)[joint]
     x = model.unweighted[joint, usual[joint] & test]
@@ -95,13 +95,28 @@ def events(model: Model) -> tuple[ClosureEvent, ...]:
 
 def _moments(model: Model, joint: int) -> np.ndarray:
     """The fewest rows that hold half of what is left on a joint, in order of time; empty where they are not few."""
+    return np.sort(next(_concentrated(model, joint), np.empty(0, int)))
+
+
+def _spikes(model: Model, joint: int) -> np.ndarray:
+    """Rows that hold half of what is left on a joint, and half of what these leave, as long as they are few: those no
+    longer than the filter, as a single sample is behind it.
+    """
+    few = np.sort([np.empty(0, int), *_concentrated(model, joint)][-1])
+    widths, time = model.setting.motion.widths, model.setting.rows.index * model.setting.motion.step
+    groups = np.split(few, np.flatnonzero(np.diff(time[few]) > 2 * widths.total) + 1)
+    return np.concatenate([few[:0], *(g for g in groups if len(g) and np.ptp(time[g]) <= 2 * widths.support)])
+
+
+def _concentrated(model: Model, joint: int) -> Iterator[np.ndarray]:
+    """The fewest rows that hold half of what is left on a joint, three quarters, and so on, as long as they are few."""
     use = np.flatnonzero(model.setting.use[joint])
-    if not len(use):
-        return use
     square = model.residual[joint, use] ** 2
-    order = np.argsort(-square)
-    count = int(np.searchsorted(np.cumsum(square[order]), HALF * square.sum())) + 1
-    return np.sort(use[order[:count]]) if count <= EVENT * len(use) else use[:0]
+    order, few = np.argsort(-square), 0
+    held = np.r_[0.0, np.cumsum(square[order])]
+    while few < (count := int(np.searchsorted(held, HALF * (held[few] + held[-1])))) <= EVENT * len(use):
+        few = count
+        yield use[order[:few]]
 
 
 def doubt_of(model: Model, choice: ChosenEffect, joints: Joints) -> str:

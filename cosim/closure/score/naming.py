@@ -12,7 +12,7 @@ One such name is not sure. A family of a law's own signals, which holds the law,
 than which it alone tells more: where the law leaves something to it, the family is sure and the law is not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from attrs import frozen
 
@@ -125,6 +125,7 @@ def named(found: EffectSearch) -> Named:
     doubts: dict[object, str] = {}
     wider: dict[object, str] = {}
     left: list[Leftover] = []
+    instead: list[Leftover] = []
     given = {c.key for c in found.before.choices}
     on_top = best_families(model)
     for joints in dict.fromkeys(model.acting(k) for k in range(len(model.choices))):
@@ -132,7 +133,9 @@ def named(found: EffectSearch) -> Named:
         verdict = _group(model, mine, joints, on_top)
         if verdict.withdrawn:
             gone = tuple(c for c in mine if verdict.stays is None or c not in verdict.stays)
-            withdrawn += tuple((c, verdict.withdrawn) for c in gone if c.key not in given)
+            new = tuple((c, verdict.withdrawn) for c in gone if c.key not in given)
+            withdrawn += new
+            instead += verdict.instead if new else ()
         if verdict.doubt:
             doubts |= {c.key: verdict.doubt for c in mine}
     gone = {c.key for c, _ in withdrawn}
@@ -150,14 +153,19 @@ def named(found: EffectSearch) -> Named:
     if left:
         beside = corrected(model, left)
         left += [fitted.leftover(beside) for fitted in best_families(beside).values()]
+    told = {x.joint for x in left}
+    left += [x for x in instead if x.joint not in told]  # needed in the place of names, if not in that of nothing
     return Named(model, doubts, wider, withdrawn, tuple(sorted(left, key=lambda x: -x.nats)))
 
 
 @frozen
 class _Group:
+    """Why names are withdrawn, those that stay, families in their place; or why they are in doubt."""
+
     withdrawn: str = ""
     stays: tuple[ChosenEffect, ...] | None = None
     doubt: str = ""
+    instead: tuple[Leftover, ...] = ()
 
 
 def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top: dict[int, FittedFamily]) -> _Group:
@@ -169,7 +177,8 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
     both = max(gained(whole, rest, joints), earned)
     own = tuple(set(c.effect.signals) for c in mine)
     screened = screened_families(rest, joints)
-    alone, titles = _instead(rest, joints, screened, own)
+    best = best_families(rest, joints, need=False, besides=own, screened=screened)
+    alone, titles = _instead(rest, best)
     instead = gained(alone, rest, joints)
     one, more = _one_for_all(model, rest, joints, screened) if len(mine) > 1 else ("", False)
     if more:
@@ -186,26 +195,24 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
         return _Group()
     if instead >= (1 - MARGIN) * both:
         share = 100 * max(earned, 0.0) / max(instead, 1e-9)
-        return _Group(f"it explains {share:.0f} % of what {titles or 'nothing'} explains in its place")
+        text = f"it explains {share:.0f} % of what {titles or 'nothing'} explains in its place"
+        return _Group(text, instead=tuple(f.leftover(rest, sure=False) for f in best.values()))
     stays = tuple(c for c in mine if _stands(whole, rest, c, joints))
     text = f"it earns less than {100 * MARGIN:.0f} % of what can be explained beside {titles}"
     return _Group(text if len(stays) < len(mine) else "", stays)
 
 
-def _instead(
-    rest: Model, joints: Joints, screened: Sequence[Screened], besides: Sequence[set[str]] = ()
-) -> tuple[Model, str]:
+def _instead(rest: Model, best: Mapping[int, FittedFamily]) -> tuple[Model, str]:
     """The best family of each joint in the place of its names, and what they are in words."""
-    best = best_families(rest, joints, need=False, besides=besides, screened=screened).values()
-    words = " and ".join(fitted.family.title for fitted in best)
-    return with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in best))), words
+    words = " and ".join(fitted.family.title for fitted in best.values())
+    return with_choices(rest, (*rest.choices, *(fitted.screened.choice for fitted in best.values()))), words
 
 
 def _one_for_all(model: Model, rest: Model, joints: Joints, screened: Sequence[Screened]) -> tuple[str, bool]:
     """The family of each joint that tells as much as all names there, their own signals among them, in words; whether
     it tells more.
     """
-    alone, words = _instead(rest, joints, screened)
+    alone, words = _instead(rest, best_families(rest, joints, need=False, screened=screened))
     more = preferred(alone, model, joints) > SAME
     return "" if preferred(model, alone, joints) > SAME else words or "nothing" * more, more
 

@@ -1,8 +1,8 @@
 """Which hypotheses pass: what they explain, held against what the whole library explains of replicates without effect.
 
 A cube root makes gains near normal (Wilson, Hilferty 1931); each is standardised by its own replicates, and the bar is
-the 1 - ALPHA quantile (Gumbel) of the largest of the whole library in a replicate. `Screened.clear` holds where a gain
-passes it.
+the quantile (Gumbel) of the largest of the whole library in a replicate at which all that a recording is asked stay
+within ALPHA. `Screened.clear` holds where a gain passes it.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,8 @@ from cosim.closure.score.screen import Screened, Untestable, screens
 from cosim.effects import Effect
 from cosim.effects.constants import ALPHA, SIZE
 from cosim.effects.motion import Joints
+
+QUESTIONS = 4  # put to a recording, which share ALPHA (Bonferroni): laws and families, plain and robust
 
 
 def screened_laws(
@@ -78,7 +80,7 @@ def _against_bar(found: list[Screened]) -> list[Screened]:
     z = _standardised(roots, usual)
     largest = z[:, 1:].max(axis=0)
     scale = largest.std() * np.sqrt(6) / np.pi
-    bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log(1 - ALPHA))
+    bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log1p(-ALPHA / QUESTIONS))
     known = [evolve(x, z=float(v), clear=bool(v > bar) and _counts(x)) for x, v in zip(found, z[:, 0], strict=True)]
     return [_looked_at_again(x, float(bar), usual) for x in known]
 

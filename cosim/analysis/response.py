@@ -3,6 +3,7 @@
 The only importer of `flint`. A pair (value, slope) is a quantity and its derivative by the frequency.
 """
 
+from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
@@ -26,6 +27,7 @@ class Response:
         self._a, self._b = (self._matrix(m) for m in (certificate.loop.transition, certificate.loop.drive))
         self._c, self._d = (self._matrix(m) for m in (certificate.loop.moved, certificate.loop.moved_now))
         self._forms = [self._matrix(m.form) for m in certificate.multipliers]
+        self._blocks = [self._parted(form) for form in self._forms]
         self._sizes = [self._sized(form) for form in self._forms]
         bounds = [flint.arb(flint.fmpq(r.numerator, r.denominator)) for r in certificate.grid.rests()]
         self._bends = [
@@ -94,6 +96,15 @@ class Response:
         own, cross, square = self._sizes[group]
         return own, (cross * reach)[0, 0], (reach.transpose() * (square * reach))[0, 0] + 4 * self._bends[group]
 
+    def _parted(self, form) -> tuple[Any, Any, Any]:
+        """A form's blocks: lifts by lifts, lifts by points, points by points."""
+        lifts, size = range(len(self._grid.lifts)), range(len(self._grid.lifts), form.nrows())
+
+        def block(rows: range, columns: range) -> Any:
+            return self._flint.acb_mat([[form[i, j] for j in columns] for i in rows])
+
+        return block(lifts, lifts), block(lifts, size), block(size, size)
+
     def _sized(self, form) -> tuple[Any, Any, Any]:
         """Sums of the sizes of a form's entries: of the lifts, whose diagonal keeps its sign; of the lifts by point
         (1, points); and the sizes of those of the points (points, points).
@@ -107,33 +118,46 @@ class Response:
         return own, flint.arb_mat([cross]), flint.arb_mat(square)
 
     def _form(self, w, increments):
-        """F(w) and F'(w) at a ball w, given `_increments` there."""
-        flint, p, grid = self._flint, self._loop.channels, self._grid
-        moved, moved_slope = increments
-        back = self._back(w)
-        value, slope = flint.acb_mat(p, p), flint.acb_mat(p, p)
-        late = [self._late(w, lift) for lift in grid.lifts]
-        one, one_slope = self._late(w, 1)
-        for c, g in enumerate(self._uses):
-            phi = [[z if k == c else flint.acb(0) for k in range(p)] for z, _ in late]
-            dphi = [[dz if k == c else flint.acb(0) for k in range(p)] for _, dz in late]
-            phi += [[s * moved[c, k] for k in range(p)] for s, _ in back]
-            dphi += [[ds * moved[c, k] + s * moved_slope[c, k] for k in range(p)] for s, ds in back]
-            self._add(value, slope, flint.acb_mat(phi), flint.acb_mat(dphi), self._forms[g])
-            bend = [[(1 - one) * moved[c, k] for k in range(p)]]
-            dbend = [[(1 - one) * moved_slope[c, k] - one_slope * moved[c, k] for k in range(p)]]
-            self._add(value, slope, flint.acb_mat(bend), flint.acb_mat(dbend), flint.acb_mat([[self._bends[g]]]))
-        return value, slope
+        """F(w) and F'(w) at a ball w, given `_increments` there.
 
-    def _add(self, value, slope, phi, dphi, form) -> None:
-        """value += Phi^* P Phi, slope += its derivative."""
-        left = _star(phi) * form
-        half = left * dphi
-        square, change = left * phi, half + _star(half)
-        for i in range(value.nrows()):
-            for j in range(value.ncols()):
-                value[i, j] += square[i, j]
-                slope[i, j] += change[i, j]
+        With h the row of H of channel c and e its unit row, Phi_c = (l e, s h) for the columns l of the lifts and s of
+        the points, so that Phi_c^* P Phi_c = a e^T e + e^T b h + (e^T b h)^* + q h^* h: what is wide in a wide ball
+        stands in numbers, once. Summed up is a half, to which its adjoint is added.
+        """
+        flint, p = self._flint, self._loop.channels
+        value, slope = flint.acb_mat(p, p), flint.acb_mat(p, p)
+        numbers = self._numbers(w)
+        for c, g in enumerate(self._uses):
+            (a, b, q), (da, db, dq) = numbers[g]
+            h, dh = (flint.acb_mat([[matrix[c, k] for k in range(p)]]) for matrix in increments)
+            unit = flint.acb_mat([[int(k == c)] for k in range(p)])
+            value += unit * (a / 2 * _star(unit) + b * h) + _star(h) * (q / 2 * h)
+            slope += unit * (da / 2 * _star(unit) + db * h + b * dh) + _star(dh) * (q / 2 * h)
+            slope += _star(h) * (dq / 2 * h + q / 2 * dh)
+        return value + _star(value), slope + _star(slope)
+
+    def _numbers(self, w) -> list[Any]:
+        """Of each group a = l^* P l, b = l^* P s and q = s^* P s + rests |1 - 1/z|^2, and their derivatives."""
+        late, dlate = self._columns(self._late(w, lift) for lift in self._grid.lifts)
+        back, dback = self._columns(self._back(w))
+        one, done = self._late(w, 1)
+        bend, dbend = abs(1 - one) ** 2, -2 * ((1 - one).conjugate() * done).real
+        found = []
+        for (own, cross, far), rests in zip(self._blocks, self._bends):
+            left, right = _star(late) * own, _star(back) * far
+            a, da = (left * late)[0, 0].real, 2 * (left * dlate)[0, 0].real
+            b, db = (
+                (_star(late) * cross * back)[0, 0],
+                (_star(dlate) * cross * back + _star(late) * cross * dback)[0, 0],
+            )
+            q, dq = (right * back)[0, 0].real, 2 * (right * dback)[0, 0].real
+            found.append(((a, b, q + rests * bend), (da, db, dq + rests * dbend)))
+        return found
+
+    def _columns(self, pairs: Iterable[tuple[Any, Any]]) -> tuple[Any, Any]:
+        """Values and slopes as columns (n, 1)."""
+        values, slopes = zip(*pairs)
+        return tuple(self._flint.acb_mat([[one] for one in some]) for some in (values, slopes))
 
     def _increments(self, w):
         """H(w) = C (z - A)^-1 B + D and its derivative -C (z - A)^-1 i z (z - A)^-1 B."""

@@ -212,12 +212,11 @@ def test_enclosures_of_form_and_slope_hold_what_floats_say(certificate, w):
     value, slope = response._form(middle + reach, response._increments(middle + reach))
     exact = form_of(certificate, w)
     quotient = (form_of(certificate, w + 1e-5) - form_of(certificate, w - 1e-5)) / 2e-5
-    for found, expected in ((value, exact), (slope, quotient)):
-        size = np.abs(expected).max()
-        for i, j in np.ndindex(2, 2):
-            apart = found[i, j] - complex(expected[i, j])
-            assert abs(apart).abs_lower() <= 1e-6 * size  # what the quotient is right to
-            assert abs(found[i, j]).rad() < 0.1 * size
+    apart = [[abs(found[i, j] - complex(expected[i, j])) for found, expected in ((value, exact), (slope, quotient))]
+             for i, j in np.ndindex(2, 2)]  # fmt: skip
+    sizes = np.array([np.abs(exact).max(), np.abs(quotient).max()])
+    assert np.all(np.array([[float(one.abs_lower()) for one in row] for row in apart]) <= 1e-6 * sizes)
+    assert np.all(np.array([[float(one.rad()) for one in row] for row in apart]) < 0.1 * sizes)
 
 
 def form_of(certificate, w):

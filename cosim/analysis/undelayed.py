@@ -9,10 +9,12 @@ from cosim.analysis.coupling import Coupled, coupled
 from cosim.analysis.examination import Examined
 from cosim.analysis.linear_fmu import LinearFmu, channel_bounds, is_channel
 from cosim.analysis.linearisation import LinearLoop, linear_loop
-from cosim.analysis.robust import delay_law_bound, quick_limit
+from cosim.analysis.robust import SAMPLES, delay_law_bound, quick_limit
 from cosim.wiring import Wiring
 
 _MOST = 512  # loops that are remembered
+_LOOKS = 40
+"""Frequencies at which a loop is looked at before its bound is found, which takes many times longer."""
 
 
 @frozen(eq=False, slots=False)
@@ -28,7 +30,7 @@ class UndelayedLoop:
 
     def bears(self, longest: float) -> bool:
         """Whether it is stable for every delay law that stays below `longest` [s], by `delay_law_bound`."""
-        return longest < self._quick and longest < self._bound
+        return longest < self._quick and longest < self._closer and longest < self._bound
 
     def at(self, wiring: Wiring) -> LinearLoop:
         """The linear loop with the delays of a wiring that differs in the parameters of channels only."""
@@ -46,6 +48,11 @@ class UndelayedLoop:
     def _quick(self) -> float:
         family = self.loop.family()
         return quick_limit(family) if family else 0.0
+
+    @cached_property
+    def _closer(self) -> float:
+        family = self.loop.family()
+        return quick_limit(family, SAMPLES // _LOOKS) if family else 0.0
 
     @cached_property
     def _bound(self) -> float:

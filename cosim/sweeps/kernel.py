@@ -235,7 +235,7 @@ class _Call:
         native = NativeComponent(
             kind=kind,
             n_inputs=len(part.inputs),
-            inputs=self.arena.indices(part.places(part.inputs)),
+            inputs=self.layout.inputs[i],
             n_outputs=part.count,
             first=self.places.first[i],
         )
@@ -251,7 +251,9 @@ class _Call:
         """Start values that any lane gives, of every lane."""
         parts = [setting.parts[i] for setting in self.filled]
         names = list(parts[0].starts)
-        if all(list(part.starts) == names for part in parts):
+        if all(part is parts[0] for part in parts):
+            rows = [list(parts[0].starts.values())] * self.width
+        elif all(list(part.starts) == names for part in parts):
             rows = [list(part.starts.values()) for part in parts]
         else:
             names = list(dict.fromkeys(name for part in parts for name in part.starts))
@@ -292,14 +294,17 @@ class _Call:
         """The result of a lane, worded as the co-simulation would."""
         ended, steps = int(self.ended[lane]), self.experiment.steps
         outcome = (None, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, None)[self.outcome[lane]]
-        at = seconds(ended, self.wiring.schedule.step_ns)
-        message = {
-            Outcome.DIVERGED: f"a value passed {self.experiment.bound:g} at t = {at:.9g} s",
-            Outcome.DOMAIN_EXIT: f"an arm left the domain of its model at t = {at:.9g} s",
-        }.get(outcome, "")
         return self.timetable.result(
             self.settings[lane].wiring,
             SignalTable.of(self.table[lane]),
-            Ending(min(ended, steps), outcome, message),
+            Ending(min(ended, steps), outcome, self._message(outcome, ended)),
             wall,
         )
+
+    def _message(self, outcome: Outcome | None, ended: int) -> str:
+        if outcome is None:
+            return ""
+        at = seconds(ended, self.wiring.schedule.step_ns)
+        if outcome is Outcome.DIVERGED:
+            return f"a value passed {self.experiment.bound:g} at t = {at:.9g} s"
+        return f"an arm left the domain of its model at t = {at:.9g} s"

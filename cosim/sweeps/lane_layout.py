@@ -19,7 +19,7 @@ from cosim.wiring.structure import of_structure
 class LaneLayout:
     """Components, places, the kept signals, and the two kinds of communication step of a wiring.
 
-    parts: with the start values of the first wiring that had the structure; turns, sources: addresses.
+    parts: with the start values of the first wiring that had the structure; turns, sources, inputs: addresses.
     """
 
     def __init__(self, wiring: Wiring, record: Sequence[str]) -> None:
@@ -29,6 +29,7 @@ class LaneLayout:
         self.timetable: Timetable = Timetable.of(wiring, record)
         self.arena: Arena = Arena()
         self.rates: np.ndarray = self._of_arms("dq")
+        self.inputs: list[int] = [self.arena.indices(part.places(part.inputs)) for part in self.parts]
         self.turns: int = self.arena.structures((NativeTurn * 2)(self._turn(0), self._turn(1)))
         place = {str(link.target): self.places.number[str(link.source)] for link in wiring.links}
         sources = [[place[f"{part.name}.{v}"] for v in part.inputs] for part in self.parts]

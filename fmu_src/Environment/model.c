@@ -10,5 +10,6 @@ static const char *start(Model *m) {
 
 static void outputs(Model *m, double t) {
     (void)t;
-    m->depth = environment_outputs(m, m->f);
+    const EnvironmentNormal normal = environment_normal(m);
+    m->depth = environment_outputs(m, &normal, m->f);
 }

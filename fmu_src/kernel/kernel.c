@@ -84,7 +84,8 @@ static void start(Part *a, const Component *c, double size, real *out) {
     if (c->kind == OPERATOR)
         start_operator(a, out);
     else if (c->kind == ENVIRONMENT)
-        environment_outputs(&a->model.environment, out);
+        a->normal = environment_normal(&a->model.environment),
+        environment_outputs(&a->model.environment, &a->normal, out);
     else if (c->kind == ARM)
         start_arm(a, out);
     else if (c->kind == CONTROLLER)
@@ -99,7 +100,7 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
     if (c->kind == OPERATOR)
         step_operator(a, time, size, out);
     else if (c->kind == ENVIRONMENT)
-        environment_outputs(&a->model.environment, out);
+        environment_outputs(&a->model.environment, &a->normal, out);
     else if (c->kind == ARM)
         step_arm(a, time, size, out);
     else if (c->kind == CONTROLLER)

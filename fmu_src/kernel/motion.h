@@ -144,7 +144,7 @@ enum { BEGIN, MIDDLE, END, MOMENTS };
 typedef struct {
     const OperatorModel *model;
     int stage;
-    real states[HAND_STATES], x[MOMENTS][3], dx[MOMENTS][3], sines[MOMENTS];
+    real states[HAND_STATES], tip[MOMENTS][6], sines[MOMENTS];
 } Hand;
 
 static inline void hand_rates(void *system, double offset, const real *at, real *k) {
@@ -153,7 +153,7 @@ static inline void hand_rates(void *system, double offset, const real *at, real 
     const int moment = (++hand->stage) / 2; /* stages of Runge-Kutta: at the beginning, two in the middle, at the end */
     (void)offset;
     for (int i = 0; i < 3; i++) {
-        const OperatorAxis axis = {state[i], state[3 + i], hand->x[moment][i], hand->dx[moment][i]};
+        const OperatorAxis axis = {state[i], state[3 + i], hand->tip[moment][i], hand->tip[moment][3 + i]};
         k[i] = state[3 + i], k[3 + i] = operator_acceleration(hand->model, i, &axis, hand->sines[moment]);
     }
 }
@@ -190,11 +190,13 @@ static inline void find_sines(Part *a, int64_t i, int64_t steps, double size, re
     a->sine = sines[END], a->sine_at = a->begun + (offset + h);
 }
 
-/* Where the tip is at a moment. */
-static inline void find_tip(Part *a, double offset, real x[3], real dx[3]) {
+/* Where the tip is at the beginning of the communication step, and its slopes; of what is on no line -0, which adds nothing. */
+static inline void find_tip(const Part *a, real from[6], real slopes[6]) {
     const OperatorModel *m = &a->model.operator_;
-    move_inputs(a, offset);
-    for (int i = 0; i < 3; i++) x[i] = m->x[i], dx[i] = m->dx[i];
+    for (int i = 0; i < 3; i++) from[i] = m->x[i], from[3 + i] = m->dx[i], slopes[i] = slopes[3 + i] = real_of(-0.0);
+    for (int64_t i = 0, k = 0; i < a->n_lines; i++)
+        for (int64_t j = a->lines[i].to; j < a->lines[i].to + a->lines[i].n; j++, k++)
+            if (j < 6) slopes[j] = a->slopes[k];
 }
 
 static inline void move_hand(Part *a, double size) {
@@ -202,6 +204,8 @@ static inline void move_hand(Part *a, double size) {
     const int64_t steps = (int64_t)LANE(m->internal_steps, 0);
     const double h = size / (double)steps;
     Hand hand;
+    real from[6], slopes[6];
+    find_tip(a, from, slopes);
     hand.model = m;
     memcpy(hand.states, m->hand_x, sizeof hand.states);
     for (int64_t i = 0; i < steps; i++) {
@@ -209,7 +213,8 @@ static inline void move_hand(Part *a, double size) {
                      offsets[MOMENTS] = {offset, offset + 0.5 * h, offset + h};
         hand.stage = 0;
         find_sines(a, i, steps, size, hand.sines);
-        for (int k = 0; k < MOMENTS; k++) find_tip(a, offsets[k], hand.x[k], hand.dx[k]);
+        for (int k = 0; k < MOMENTS; k++)
+            for (int j = 0; j < 6; j++) hand.tip[k][j] = from[j] + slopes[j] * offsets[k];
         runge_kutta(hand_rates, &hand, HAND_STATES, hand.states, offset, h);
     }
     memcpy(m->hand_x, hand.states, sizeof hand.states);

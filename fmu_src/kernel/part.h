@@ -98,8 +98,9 @@ typedef struct {
     Joint joints[3];  /* ARM: its parameters, joint by joint */
     double sine_at;   /* OPERATOR: s, time of the last of its reference's sines */
     real sine, ahead; /* OPERATOR: it; where all lanes have the same, further sines that they computed side by side */
-    ArmPose pose;     /* ARM: of the state */
-    int64_t head;     /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
+    EnvironmentNormal normal; /* ENVIRONMENT: of its wall */
+    ArmPose pose;             /* ARM: of the state */
+    int64_t head;             /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
     real_bits at;
     real delay, next_stamp, next[CHANNEL_ROW];

@@ -154,16 +154,19 @@ def _batches(settings: Sequence[LaneSetting]) -> list[list[int]]:
     return [group[k : k + width] for group in alike.values() for k in range(0, len(group), width)]
 
 
-def _course(values: Sequence[float], steps: int, step_ns: int) -> tuple[np.ndarray, np.ndarray]:
+_MEMORY = ReusedMemory()
+
+
+def _course(values: Sequence[float], loses: bool, steps: int, step_ns: int) -> tuple[np.ndarray, np.ndarray | None]:
     """Delays and losses by the law that the FMU has too."""
-    delays, lost, walk = np.empty((steps + 1, 1)), np.empty(steps + 1), np.empty(2)
-    law = NativeCourse(*values, walk=walk.ctypes.data)
-    _library().course(ctypes.byref(law), steps, step_ns, delays.ctypes.data, lost.ctypes.data)
-    return delays, lost
+    delays, walk = _MEMORY.empty(steps + 1), np.empty(2)
+    lost = _MEMORY.empty(steps + 1) if loses else None
+    law, where = NativeCourse(*values, walk=walk.ctypes.data), None if lost is None else lost.ctypes.data
+    _library().course(ctypes.byref(law), steps, step_ns, delays.ctypes.data, where)
+    return delays.reshape(-1, 1), lost
 
 
 _FEED = Feed(_course)
-_MEMORY = ReusedMemory()
 
 
 def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, ending: _EndOfPairs | None) -> list[_LaneRun]:
@@ -272,7 +275,7 @@ class _Call:
 
     def _give_history(self, native: NativeComponent, i: int) -> None:
         """Room for the samples that the longest delay reaches back to, or for all of the run."""
-        longest = max(float(values.max()) for values in self._series(i))
+        longest = max(setting.parts[i].longest_delay for setting in self.filled)
         steps = min(int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns)), self.experiment.steps)
         native.capacity = 1 << (steps + 4).bit_length()
         native.history = self.arena.zeros(self.width * _lane_stride(native.capacity, native.n_inputs))

@@ -90,6 +90,11 @@ class LaneComponent:
         return self.model == "VariableDelayChannel" and self.choice("semantics") != "time_delay"
 
     @property
+    def longest_delay(self) -> float:
+        """Of a channel, s."""
+        return self.number("delay_mean" if self.choice("law") == "constant" else "delay_max")
+
+    @property
     def loses(self) -> bool:
         """Whether it is a channel that may lose samples."""
         return self.number("loss_to_bad") != 0.0 or self.number("loss_good") != 0.0
@@ -166,11 +171,13 @@ def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> tuple[np.ndarray
     if part.choice("law") == "constant" and not part.loses:
         return np.array([[part.number("delay_mean")]]), None
     delays, lost = feed.course(wiring, part)
-    return delays, lost if part.loses else None
+    return delays, lost
 
 
-Course = Callable[[Sequence[float], int, int], tuple[np.ndarray, np.ndarray]]
-"""Delays (steps + 1, 1) [s] and losses (steps + 1,) from the values of `COURSE`, steps, and nanoseconds of a step."""
+Course = Callable[[Sequence[float], bool, int, int], tuple[np.ndarray, np.ndarray | None]]
+"""Delays (steps + 1, 1) [s] and losses (steps + 1,), None where there are none, from the values of `COURSE`, whether
+the channel loses samples, steps, and nanoseconds of a step.
+"""
 
 
 class Feed:
@@ -182,11 +189,11 @@ class Feed:
         self.law: Course = law
         self.known: OrderedDict[tuple[object, ...], Any] = OrderedDict()
 
-    def course(self, wiring: Wiring, part: LaneComponent) -> tuple[np.ndarray, np.ndarray]:
-        """Delays and losses of a channel at every communication point."""
+    def course(self, wiring: Wiring, part: LaneComponent) -> tuple[np.ndarray, np.ndarray | None]:
+        """Delays and losses of a channel at every communication point; None where it loses none."""
         experiment = wiring.scenario.experiment
         values = tuple(part.number(name) for name in COURSE)
-        key = values, experiment.steps, experiment.step_ns
+        key = values, part.loses, experiment.steps, experiment.step_ns
         return self._known(key, lambda: self.law(*key))
 
     def values(self, wiring: Wiring, part: LaneComponent, outputs: Sequence[str]) -> np.ndarray:

@@ -24,7 +24,7 @@ class ReusedMemory:
     def empty(self, count: int) -> np.ndarray:
         """(count,): doubles of any value."""
         memory = self._found(count)
-        array = np.frombuffer(memoryview(memory), count=count)  # its views hold it; those of `memory` would not
+        array = np.frombuffer(memory.data, count=count)  # its views hold it; those of `memory` would not
         weakref.finalize(array, self._keep, memory).atexit = False
         return array
 

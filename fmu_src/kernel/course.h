@@ -23,14 +23,25 @@ LAYOUT_SHOWN(Course, COURSE)
 #include "../shared/delay_law.h"
 #undef Model
 
-/* delays, lost: [steps + 1] s, and 1 where the sample is lost; the first sample, at t = 0, is not. */
+/* delay_at, which computes a uniform law's knots anew at every time; here a step's are mostly those of the step before. */
+static double course_delay(Course *c, double t) {
+    if ((int)c->law != LAW_UNIFORM) return delay_at(c, t);
+    const double knot = knot_at(c, t);
+    if (c->knot != knot) c->walk[0] = uniform_knot(c, knot), c->walk[1] = uniform_knot(c, knot + 1), c->knot = knot;
+    return between_knots(c, t, c->walk[0], c->walk[1], knot);
+}
+
+/* delays, lost: [steps + 1] s, and 1 where the sample is lost; the first sample, at t = 0, is not. lost: NULL
+ * where none is. */
 EXPORTED void course(Course *c, int64_t steps, double step_ns, double *delays, double *lost) {
     const double size = step_ns / 1e9;
     start_walk(c);
-    delays[0] = delay_at(c, c->origin), lost[0] = 0.0;
+    if ((int)c->law == LAW_UNIFORM) c->knot = -1.0; /* none yet */
+    delays[0] = course_delay(c, c->origin);
+    if (lost) lost[0] = 0.0;
     for (int64_t k = 0; k < steps; k++) {
-        delays[k + 1] = delay_at(c, (double)k * step_ns / 1e9 + size);
-        lost[k + 1] = is_lost(c);
+        delays[k + 1] = course_delay(c, (double)k * step_ns / 1e9 + size);
+        if (lost) lost[k + 1] = is_lost(c);
     }
 }
 

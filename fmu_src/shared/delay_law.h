@@ -40,9 +40,14 @@ static inline double between_knots(const Model *m, double t, double left, double
     return left + (right - left) * clamped((t - m->origin) / m->delay_interval - knot, 0.0, 1.0);
 }
 
+/* The knot at or before time t. */
+static inline double knot_at(const Model *m, double t) {
+    return floor((t - m->origin) / m->delay_interval + 1e-9);
+}
+
 /* d(t) of the law (s). The random walk's knots move with t, which never goes back. */
 static inline double delay_at(Model *m, double t) {
-    const double span = m->delay_max - m->delay_min, knot = floor((t - m->origin) / m->delay_interval + 1e-9);
+    const double span = m->delay_max - m->delay_min, knot = knot_at(m, t);
     switch ((int)m->law) {
     case LAW_SINUSOIDAL: {
         real sine, cosine; /* of as many equal numbers as there are lanes */
@@ -74,7 +79,8 @@ static inline int is_lost(Model *m) {
     if (m->loss_to_bad == 0 && m->loss_good == 0) return 0;
     const double move = random_uniform(m->seed, STREAM_CHAIN, k);
     m->bad = m->bad != 0 ? !(move < m->loss_to_good) : move < m->loss_to_bad;
-    return random_uniform(m->seed, STREAM_LOSS, k) < (m->bad != 0 ? m->loss_bad : m->loss_good);
+    const double loss = m->bad != 0 ? m->loss_bad : m->loss_good;
+    return loss > 0 && (loss >= 1 || random_uniform(m->seed, STREAM_LOSS, k) < loss); /* a number in [0, 1) */
 }
 
 /* The first two knots of the random walk. */

@@ -1,6 +1,6 @@
 """Whether a version is slower than the one before: batch kernel, compiled loop, `cosim run`, in turns.
 
-    python -m tests.benchmarks.versions OLD NEW
+    python -m tests.benchmarks.versions OLD NEW [--only kernel] [--avx2]
 
 OLD and NEW are folders with the project, both run by this Python. One process of each version stays alive and does the
 same work in turns, so that a busy machine troubles both alike; some pairs of processes, since where one lies in memory
@@ -27,12 +27,21 @@ from cosim.fmu import open_system
 from cosim.scenario import load_scenario
 from cosim.sweeps import kernel
 
+if "avx2" in sys.argv:
+    from numpy._core._multiarray_umath import __cpu_features__ as has
+    has["AVX512F"] = False
+
+POINTS = {
+    "channel_*.law": "constant", "operator.amplitude": 0.0, "arm_*.q_start": [0.0] * 3,
+    "arm_l.dq_start": [0.01] * 3, "arm_r.dq_start": [-0.01] * 3,
+}
+
 def scenario(name, stop, **values):
     return load_scenario(name).with_values({"experiment.stop": stop, "experiment.record_every": 20} | values)
 
 def batch(name):
-    gains = [{"controller_*.stiffness": 0.1 + 0.05 * i} for i in range(kernel.lanes())]
-    return [system.wiring(scenario(name, 20.0, **gain)) for gain in gains]
+    places = [{"controller_*.stiffness": 0.1 + 0.06 * i, "channel_*.delay_mean": 0.8 - 0.05 * i} for i in range(16)]
+    return [system.wiring(scenario(name, 20.0, **POINTS, **place)) for place in places]
 
 with open_system(scenario("sallam-stable", 20.0)) as system:
     record = ["arm_l.q", "arm_r.x", "controller_r.f"]
@@ -50,13 +59,14 @@ with open_system(scenario("sallam-stable", 20.0)) as system:
 
 
 class Version:
-    """A version of the project in its folder, and a process of it that waits for work."""
+    """A version of the project in its folder, and a process of it that waits for work. vectors: "avx2", or what is
+    widest here.
+    """
 
-    def __init__(self, home: Path) -> None:
+    def __init__(self, home: Path, *vectors: str) -> None:
         self.home = home
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=home
-        )
+        words = [sys.executable, "-c", WORKER, *vectors]
+        self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=home)
         if self._answer() != "ready":
             raise SystemExit(f"{home}: the worker did not start")
 
@@ -110,10 +120,14 @@ def main() -> None:
     parser.add_argument("new", type=Path, help="folder of the version after")
     parser.add_argument("--rounds", type=int, default=12, help="turns of a pair of processes")
     parser.add_argument("--pairs", type=int, default=4)
+    parser.add_argument("--only", choices=["kernel", "loop"], help="16 points of a map in the kernel, or the loop")
+    parser.add_argument("--avx2", action="store_true", help="the kernel as on a machine without AVX-512")
     options = parser.parse_args()
-    found: dict[str, list[tuple[float, float]]] = {"kernel": [], "loop": [], COMMAND: []}
+    works = [options.only] if options.only else ["kernel", "loop", COMMAND]
+    found: dict[str, list[tuple[float, float]]] = {what: [] for what in works}
+    vectors = ["avx2"] if options.avx2 else []
     for _ in range(options.pairs):
-        versions = Version(options.old.absolute()), Version(options.new.absolute())
+        versions = Version(options.old.absolute(), *vectors), Version(options.new.absolute(), *vectors)
         for what, some in found.items():
             some += rounds(versions, what, options.rounds)
         for version in versions:

@@ -157,13 +157,12 @@ def _batches(settings: Sequence[LaneSetting]) -> list[list[int]]:
 _MEMORY = ReusedMemory()
 
 
-def _course(values: Sequence[float], loses: bool, steps: int, step_ns: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Delays and losses by the law that the FMU has too."""
+def _course(values: Sequence[float], steps: int, step_ns: int) -> np.ndarray:
+    """Delays by the law that the FMU has too, infinite where a sample is lost."""
     delays, walk = _MEMORY.empty(steps + 1), np.empty(2)
-    lost = _MEMORY.empty(steps + 1) if loses else None
-    law, where = NativeCourse(*values, walk=walk.ctypes.data), None if lost is None else lost.ctypes.data
-    _library().course(ctypes.byref(law), steps, step_ns, delays.ctypes.data, where)
-    return delays.reshape(-1, 1), lost
+    law = NativeCourse(*values, walk=walk.ctypes.data)
+    _library().course(ctypes.byref(law), steps, step_ns, delays.ctypes.data)
+    return delays.reshape(-1, 1)
 
 
 _FEED = Feed(_course)
@@ -281,11 +280,7 @@ class _Call:
         native.history = self.arena.zeros(self.width * _lane_stride(native.capacity, native.n_inputs))
         native.stamps = self.arena.array(np.zeros(native.capacity))
         if self.parts[i].packets:
-            native.packets = self.arena.zeros(3 * native.capacity * self.width)
-            losses = [setting.lost[i] for setting in self.filled]
-            if any(lost is not None for lost in losses):
-                none = np.zeros(self.experiment.steps + 1)
-                native.lost = self.arena.pointers([self.arena.array(none if lost is None else lost) for lost in losses])
+            native.packets = self.arena.zeros((3 * native.capacity + 1) * self.width)
 
     def run(self, lane: int, wall: float) -> _LaneRun:
         """What became of a lane, and its growth where the sign was decided."""

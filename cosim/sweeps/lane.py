@@ -144,14 +144,12 @@ class LaneSetting:
     wiring: Wiring
     parts: tuple[LaneComponent, ...]
     series: tuple[np.ndarray | None, ...] = field(eq=False)
-    lost: tuple[np.ndarray | None, ...] = field(eq=False)
 
     @classmethod
     def of(cls, wiring: Wiring, alike: Sequence[LaneComponent], feed: Feed) -> LaneSetting:
         """The lane of a wiring whose components are `alike` but for their start values."""
         parts = tuple(part.starting(wiring) for part in alike)
-        series, lost = zip(*(_series(wiring, part, feed) for part in parts))
-        return cls(wiring, parts, series, lost)
+        return cls(wiring, parts, tuple(_series(wiring, part, feed) for part in parts))
 
     @property
     def shared(self) -> tuple[object, ...]:
@@ -160,23 +158,22 @@ class LaneSetting:
         return *steps, *(p.packets for p in self.parts)
 
 
-def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """(rows, columns): the outputs of a series, or the delay of a channel, one row where it does not change; then
-    (rows,): 1 where a channel loses the sample, None where it loses none.
+def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | None:
+    """(rows, columns): the outputs of a series, or the delay of a channel, infinite where it loses the sample; one row
+    where they do not change.
     """
     if not part.model:
-        return feed.values(wiring, part, part.outputs), None
+        return feed.values(wiring, part, part.outputs)
     if part.model != "VariableDelayChannel":
-        return None, None
+        return None
     if part.choice("law") == "constant" and not part.loses:
-        return np.array([[part.number("delay_mean")]]), None
-    delays, lost = feed.course(wiring, part)
-    return delays, lost
+        return np.array([[part.number("delay_mean")]])
+    return feed.course(wiring, part)
 
 
-Course = Callable[[Sequence[float], bool, int, int], tuple[np.ndarray, np.ndarray | None]]
-"""Delays (steps + 1, 1) [s] and losses (steps + 1,), None where there are none, from the values of `COURSE`, whether
-the channel loses samples, steps, and nanoseconds of a step.
+Course = Callable[[Sequence[float], int, int], np.ndarray]
+"""Delays (steps + 1, 1) [s], infinite where a sample is lost, from the values of `COURSE`, steps, and nanoseconds of a
+step.
 """
 
 
@@ -189,11 +186,11 @@ class Feed:
         self.law: Course = law
         self.known: OrderedDict[tuple[object, ...], Any] = OrderedDict()
 
-    def course(self, wiring: Wiring, part: LaneComponent) -> tuple[np.ndarray, np.ndarray | None]:
-        """Delays and losses of a channel at every communication point; None where it loses none."""
+    def course(self, wiring: Wiring, part: LaneComponent) -> np.ndarray:
+        """Delays of a channel at every communication point, infinite where it loses the sample."""
         experiment = wiring.scenario.experiment
         values = tuple(part.number(name) for name in COURSE)
-        key = values, part.loses, experiment.steps, experiment.step_ns
+        key = values, experiment.steps, experiment.step_ns
         return self._known(key, lambda: self.law(*key))
 
     def values(self, wiring: Wiring, part: LaneComponent, outputs: Sequence[str]) -> np.ndarray:

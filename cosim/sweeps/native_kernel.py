@@ -28,7 +28,6 @@ class NativeComponent(ctypes.Structure):
         ("history", c_void_p),
         ("stamps", c_void_p),
         ("capacity", c_int64),
-        ("lost", c_void_p),
         ("packets", c_void_p),
     ]
 
@@ -131,7 +130,7 @@ def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     check_layout(library, mirrors)
     library.run.argtypes = [POINTER(NativeJob), c_void_p]
     library.run.restype = library.course.restype = None
-    library.course.argtypes = [POINTER(NativeCourse), c_int64, c_double, c_void_p, c_void_p]
+    library.course.argtypes = [POINTER(NativeCourse), c_int64, c_double, c_void_p]
     library.lanes.restype = library.part_size.restype = c_int64
     library.model_name.argtypes = library.model_held.argtypes = [c_int64]
     library.model_name.restype = library.model_held.restype = c_char_p

@@ -1,4 +1,4 @@
-/* The delays of a channel and which of its samples are lost, at every communication point of a run, of one scenario. */
+/* The delays of a channel, infinite for samples that are lost, at every communication point of a run, of one scenario. */
 #ifndef COURSE_H
 #define COURSE_H
 
@@ -31,17 +31,15 @@ static double course_delay(Course *c, double t) {
     return between_knots(c, t, c->walk[0], c->walk[1], knot);
 }
 
-/* delays, lost: [steps + 1] s, and 1 where the sample is lost; the first sample, at t = 0, is not. lost: NULL
- * where none is. */
-EXPORTED void course(Course *c, int64_t steps, double step_ns, double *delays, double *lost) {
+/* delays: [steps + 1] s, infinite where the sample is lost; the first sample, at t = 0, is not. */
+EXPORTED void course(Course *c, int64_t steps, double step_ns, double *delays) {
     const double size = step_ns / 1e9;
     start_walk(c);
     if ((int)c->law == LAW_UNIFORM) c->knot = -1.0; /* none yet */
     delays[0] = course_delay(c, c->origin);
-    if (lost) lost[0] = 0.0;
     for (int64_t k = 0; k < steps; k++) {
-        delays[k + 1] = course_delay(c, (double)k * step_ns / 1e9 + size);
-        if (lost) lost[k + 1] = is_lost(c);
+        const double delay = course_delay(c, (double)k * step_ns / 1e9 + size);
+        delays[k + 1] = is_lost(c) ? HUGE_VAL : delay;
     }
 }
 

@@ -17,6 +17,11 @@ static inline real_bits *noted(const Component *c, int64_t point) {
     return (real_bits *)c->packets + SLOT(c, point);
 }
 
+/* Where samples that are lost are noted. */
+static inline real_bits *nowhere_noted(const Component *c) {
+    return (real_bits *)c->packets + 3 * c->capacity;
+}
+
 /* The stamp of a lane's record. */
 static inline double *packet_stamp(const Component *c, int64_t k, int lane) {
     return (double *)(c->packets + c->capacity + SLOT(c, k)) + lane;
@@ -57,9 +62,9 @@ static inline void send(Part *a, const Component *c, int64_t k, double t, int64_
     const real points = points_of(c, stamps, now, size);
     if (a->stamped) memcpy(packet_stamp(c, k, 0), &stamps, sizeof stamps);
     for (int lane = 0; lane < LANES; lane++) {
-        if (k > 1 && c->lost && c->lost[lane][now] != 0.0) continue; /* that of time 0 never is */
-        int64_t *const note = (int64_t *)noted(c, (int64_t)LANE(points, lane)) + lane;
-        if (a->stamped) {
+        const int lost = LANE(a->delay, lane) == HUGE_VAL;
+        int64_t *const note = (int64_t *)(lost ? nowhere_noted(c) : noted(c, (int64_t)LANE(points, lane))) + lane;
+        if (a->stamped && !lost) {
             LANE(a->exit, lane) = LANE(stamps, lane);
             join_line(a, c, k, lane);
             if (LANE(semantics, lane) == (double)SEMANTICS_PACKET_ORDER && *note &&

@@ -56,13 +56,12 @@ static const struct {
     FIELD(int64_t, n_outputs)   /* that the store holds; SERIES: numbers in a row */ \
     FIELD(int64_t, first)       /* place of its first output in half a store */ \
     FIELD(int64_t, n_starts) FIELD(const int64_t *, started) FIELD(const real *, starts) /* instead of the table's */ \
-    FIELD(const double *const *, series) /* CHANNEL: [LANES] delay at steps 0..n; SERIES: [LANES][n + 1][n_outputs] */ \
+    FIELD(const double *const *, series) /* CHANNEL: [LANES] delay at steps 0..n, infinite where a packet is lost; SERIES: [LANES][n + 1][n_outputs] */ \
     FIELD(const int64_t *, series_step)  /* [LANES] 1, or 0 where the series is one constant row */ \
     FIELD(double *, history)  /* CHANNEL: [LANES][capacity][n_inputs], wired inputs only, as rows.h has it */ \
     FIELD(double *, stamps)   /* CHANNEL: [capacity] */ \
     FIELD(int64_t, capacity)  /* a power of two, above the longest delay in steps + 4 */ \
-    FIELD(const double *const *, lost) /* CHANNEL of packets: [LANES] at steps 0..n, 1 where the sample is lost; NULL: none */ \
-    FIELD(real *, packets)    /* CHANNEL of packets: [3][capacity], see packets.h; NULL: time delays */
+    FIELD(real *, packets)    /* CHANNEL of packets: [3 capacity + 1], see packets.h; NULL: time delays */
 
 /* Wired inputs that follow one another, numbered by their value references: `n` from `to` on, held at as many places of the
  * store, or from there along lines through the places `older` and `newer`, `span` seconds apart. */

@@ -68,4 +68,4 @@ def vectors() -> tuple[int, tuple[str, ...]]:
     if this_platform().startswith("x86_64") and has.get("AVX2") and has.get("FMA3"):
         wide = has.get("AVX512F") and has.get("AVX512_SKX")
         lanes, level = 8, ("-march=x86_64_v4" if wide else "-march=x86_64_v3", "-mtune=native")
-    return lanes, (f"-DREAL_LANES={lanes}", *level)
+    return lanes, (f"-DREAL_LANES={lanes}", "-Wno-psabi", *level)  # vectors are passed within one library alone

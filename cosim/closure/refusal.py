@@ -28,12 +28,12 @@ class Refusal:
 def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
     """Reasons in the data: too short, no motion, a joint that rests on all fitted rows, a constant torque."""
     out = []
-    seconds = float((~motion.test).sum() * motion.step)
+    seconds = round(float((~motion.test).sum() * motion.step), 1)  # half of eight seconds may be a sample short
     if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
         out.append(
             Refusal(
                 0,
-                f"too short: {seconds:.1f} s of fitted rows make {rows.train_blocks} blocks, at least {FEWEST_BLOCKS} "
+                f"too short: {seconds:g} s of fitted rows make {rows.train_blocks} blocks, at least {FEWEST_BLOCKS} "
                 f"blocks and {SHORTEST:g} s are needed",
             )
         )

@@ -21,8 +21,9 @@ from cosim.closure.model.families import Family
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.compare import gained, preferred
 from cosim.closure.score.null import ranked_laws, screened_families
+from cosim.closure.score.refinement import refined
 from cosim.closure.score.screen import Screened
-from cosim.closure.score.search import EffectSearch, refined, resettled
+from cosim.closure.score.search import EffectSearch, resettled
 from cosim.effects import Effect
 from cosim.effects.constants import MARGIN, SAME
 from cosim.effects.motion import Joints

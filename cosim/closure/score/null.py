@@ -12,6 +12,7 @@ from attrs import evolve
 
 from cosim.closure.model.families import families, varied
 from cosim.closure.model.model import Model
+from cosim.closure.score.refinement import refined
 from cosim.closure.score.screen import Screened, Untestable, screens
 from cosim.effects import Effect
 from cosim.effects.constants import ALPHA, SIZE
@@ -24,11 +25,26 @@ def screened_laws(
     model: Model, effects: Sequence[Effect], near: Joints | None = None
 ) -> tuple[list[Screened], list[Untestable]]:
     """All laws beside a model (those on one of the joints `near`), most nats first, and what cannot be tested."""
-    every = [
-        [screen.of(effect, joints) for effect, joints in _looked_for(model, effects, near)] for screen in screens(model)
-    ]
+    sets = _looked_for(model, effects, near)
+    every = [[screen.of(effect, joints) for effect, joints in sets] for screen in screens(model)]
     untestable = [x for x in every[0] if isinstance(x, Untestable)]
-    return _best_of([_against_bar([x for x in found if isinstance(x, Screened)]) for found in every]), untestable
+    found = _best_of([_against_bar([x for x in some if isinstance(x, Screened)]) for some in every])
+    if any(x.clear for x in found):
+        return found, untestable
+    return [_among_all(x, sets) if x is found[0] else x for x in found], untestable
+
+
+def _among_all(x: Screened, sets: Sequence[tuple[Effect, Joints]]) -> Screened:
+    """The law of most nats where none passes the bar: held against what the whole library explains of replicates of
+    what that law leaves, as its own pieces make the bar high.
+    """
+    if not _counts(x):
+        return x
+    screen = x.screen.without(refined(x))
+    again = [screen.of(effect, joints) for effect, joints in sets]
+    judged = _against_bar([a for a in again if isinstance(a, Screened)], last=True)
+    own = next((a for a in judged if a.choice.key == x.choice.key), None)
+    return x if own is None else evolve(x, z=own.z, clear=own.clear)
 
 
 def ranked_laws(model: Model, effects: Sequence[Effect], near: Joints) -> list[Screened]:
@@ -71,8 +87,8 @@ def _best_of(every: Sequence[list[Screened]]) -> list[Screened]:
     return sorted(best.values(), key=lambda x: -x.gain[0])
 
 
-def _against_bar(found: list[Screened]) -> list[Screened]:
-    """With z and whether each passes the bar of all of them and has a size of interest."""
+def _against_bar(found: list[Screened], last: bool = False) -> list[Screened]:
+    """With z and whether each passes the bar of all of them and has a size of interest; `last`: as they are."""
     if not found:
         return []
     roots = np.cbrt(np.maximum([x.gain for x in found], 0))
@@ -82,7 +98,7 @@ def _against_bar(found: list[Screened]) -> list[Screened]:
     scale = largest.std() * np.sqrt(6) / np.pi
     bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log1p(-ALPHA / QUESTIONS))
     known = [evolve(x, z=float(v), clear=bool(v > bar) and _counts(x)) for x, v in zip(found, z[:, 0], strict=True)]
-    return [_looked_at_again(x, float(bar), usual) for x in known]
+    return known if last else [_looked_at_again(x, float(bar), usual) for x in known]
 
 
 def _standardised(roots: np.ndarray, usual: tuple[float, float]) -> np.ndarray:
@@ -100,13 +116,13 @@ def _counts(x: Screened) -> bool:
 
 
 def _looked_at_again(x: Screened, bar: float, usual: tuple[float, float]) -> Screened:
-    """A law that does not pass the bar, beside replicates of what it leaves itself; not where it could not pass it
-    beside any.
+    """A law that does not pass the bar, beside replicates of what it leaves itself at its best parameters; not where it
+    could not pass it beside any.
     """
     effect = x.choice.effect
     if x.clear or not _counts(x) or effect.nameless or np.cbrt(max(x.gain[0], 0.0)) <= (usual[0] + bar * usual[1]) / 2:
         return x
-    again = x.screen.without(x).of(effect, x.choice.joints)
+    again = x.screen.without(refined(x)).of(effect, x.choice.joints)
     if not isinstance(again, Screened):
         return x
     z = float(_standardised(np.cbrt(np.maximum(again.gain, 0))[None], usual)[0, 0])

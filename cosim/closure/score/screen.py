@@ -146,11 +146,11 @@ class Screen(Replicates):
             choice, np.r_[gain, np.maximum(null, 0)], best[1].share, self, self.of_noise(choice, float(gain[0]))
         )
 
-    def without(self, x: Screened) -> "Screen":
+    def without(self, choice: ChosenEffect) -> "Screen":
         """The screen whose replicates are made of what a law leaves, in the place of what the model leaves: where an
         effect is there, its pieces are no noise.
         """
-        return evolve(self, beside=self._left_by(x.choice))
+        return evolve(self, beside=self._left_by(choice))
 
     def _left_by(self, choice: ChosenEffect) -> np.ndarray:
         """Scaled residuals (J, m) with a law beside the model."""
@@ -161,8 +161,8 @@ class Screen(Replicates):
         if isinstance(effect, Erasing):
             left[joints[0]] = self.drive.delivered(effect, joints[0], theta, 1)[0][:, 0]
             return left
-        columns = dict(self._grid(effect, joints, effect.grid(self.model.scene, joints)))[theta]
-        found = self.added(columns, effect)
+        columns = self.model.formed_now(choice, self.model.scene)
+        found = self.added({j: x[self.fitted] for j, x in columns.items()}, effect)
         assert found is not None, "it was screened"
         for j in range(len(left)):
             left[j] -= found.own(np.array([0]), j)[:, 0]

@@ -10,21 +10,15 @@ from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import Model, settled, with_choices
 from cosim.closure.score.compare import gained, preferred
 from cosim.closure.score.null import ranked_laws, screened_laws
+from cosim.closure.score.refinement import REACH, refined
 from cosim.closure.score.screen import Screened, Tried, Untestable
 from cosim.effects import Effect
-from cosim.effects.actuator import Erasing, Late
 from cosim.effects.constants import SAME
-from cosim.effects.motion import Theta
 
 MOST = 6  # laws of a pass
 SHORT, WORTH = 8, 0.3  # laws above the bar that are fitted with everything else; least share of the largest gain
-TRIALS = 7  # of the refinement, times one more than the number of nonlinear parameters
 DESCENTS, PARTS, LEAST_GAIN = 3, (1.0, 0.3), 0.2  # Gauss-Newton steps; parts of one; nats that one has to gain
 TANGENT = 0.005  # step of the central differences in nonlinear parameters: a fraction of the narrowest resonance
-REACH, STEPS = (
-    0.5,
-    (0.25, 0.12, 0.06, 0.03),
-)  # largest change of a nonlinear parameter at once; steps of a search along one
 
 
 @frozen(eq=False)
@@ -177,55 +171,3 @@ def tangent(model: Model, number: int, index: int) -> np.ndarray:
 
     (high, above), (low, below) = moved(TANGENT), moved(-TANGENT)
     return ((high - low) / ((above - below) or 1e12))[..., None]  # a fixed one: zero
-
-
-def refined(screened: Screened) -> ChosenEffect:
-    """The choice with its continuous nonlinear parameters moved to the most nats: of the whole model along a line for
-    lag, delay, saturation and dead band, else of a screening (Nelder, Mead 1965). Only physical values count.
-    """
-    choice = screened.choice
-    free = choice.effect.continuous(choice.theta)
-    if not free:
-        return choice
-    return _along(screened) if isinstance(choice.effect, Late | Erasing) else _simplex(screened, free)
-
-
-def _along(screened: Screened) -> ChosenEffect:
-    model, choice = screened.screen.model, screened.choice
-    known: dict[Theta, float] = {}
-
-    def score(theta: Theta) -> float:
-        if theta not in known:
-            trial = evolve(choice, theta=theta)
-            new = evolve(model, choices=(*model.choices, trial), seen=model.scene)
-            known[theta] = -np.inf if screened.screen.why_not(trial, np.zeros(0)) else new.score()
-        return known[theta]
-
-    best = choice.theta
-    for step in STEPS:
-        best = max((best, *(choice.effect.moved(best, 0, s) for s in (step, -step / (1 + step)))), key=score)
-    return evolve(choice, theta=best)
-
-
-def _simplex(screened: Screened, free: tuple[int, ...]) -> ChosenEffect:
-    from scipy.optimize import minimize
-
-    screen, choice, effect = screened.screen, screened.choice, screened.choice.effect
-    seen: dict[Theta, float] = {choice.theta: float(screened.gain[0])}
-
-    def loss(x: np.ndarray) -> float:
-        theta = choice.theta
-        for index, step in zip(free, np.clip(x, -REACH, REACH), strict=True):
-            theta = effect.moved(theta, index, float(step))
-        trial = evolve(choice, theta=theta)
-        columns = screen.model.formed_now(trial, screen.model.scene)
-        found = screen.added({j: x[screen.fitted] for j, x in columns.items()}, effect)
-        if found is None or screen.why_not(trial, found.beta[:, 0]):
-            return 0.0
-        seen[theta] = float(found.nats(np.array([0]))[0])
-        return -seen[theta]
-
-    simplex = np.vstack([np.zeros(len(free)), 0.1 * np.eye(len(free))])
-    options = {"initial_simplex": simplex, "maxfev": TRIALS * (1 + len(free)), "xatol": 3e-3, "fatol": 0.5}
-    minimize(loss, simplex[0], method="Nelder-Mead", options=options)
-    return evolve(choice, theta=max(seen, key=seen.__getitem__))

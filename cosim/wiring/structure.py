@@ -13,12 +13,15 @@ _MOST = 16  # structures of each function
 def of_structure(function: Callable[..., Said]) -> Callable[..., Said]:
     """Remember what a function says of a wiring, which must not depend on start values, and of further arguments.
 
-    Wirings that differ in start values only (`cosim.wiring.restarted`) have their links in common.
+    Wirings that differ in start values only (`cosim.wiring.restarted`) have their links in common. Without links
+    nothing tells one structure from another, and nothing is remembered.
     """
     known: dict[tuple[object, ...], tuple[tuple[Link, ...], Said]] = {}
 
     @wraps(function)
     def remembered(wiring: Wiring, *rest: object) -> Said:
+        if not wiring.links:
+            return function(wiring, *rest)
         key = id(wiring.links), *rest
         if key not in known or known[key][0] is not wiring.links:
             if len(known) >= _MOST:

@@ -8,6 +8,7 @@ from cosim.engine.master import run
 from cosim.errors import InputError
 from cosim.scenario import Algorithm, Component, Extrapolation, Teleoperation
 from cosim.wiring.schedule import ScheduledComponent, mean_age
+from cosim.wiring.structure import of_structure
 from tests.support.fakes import (
     LOOP,
     MODELS,
@@ -208,3 +209,18 @@ def test_an_fmu_that_takes_no_slopes_is_held():
     hops = {str(h.connection): h for h in FakeSystem(made, deaf).wiring(made).hops}
     assert not hops["spring.f -> mass.f"].linear and hops["spring.f -> mass.f"].age == pytest.approx(0.5e-3)
     assert hops["mass.x -> spring.x"].linear
+
+
+def test_what_is_remembered_of_a_structure_is_told_of_no_other():
+    """Wirings without links all have the same empty tuple of them."""
+    asked = []
+
+    @of_structure
+    def names(wiring):
+        asked.append(wiring)
+        return tuple(wiring.scenario.components)
+
+    alone = [FakeSystem(made, MODELS).wiring(made) for made in (scenario({n: "Spring"}, []) for n in "ab")]
+    assert [names(wiring) for wiring in (*alone, *alone)] == [("a",), ("b",)] * 2
+    loop = FakeSystem(oscillator(), MODELS).wiring(oscillator())
+    assert names(loop) == names(loop) == ("mass", "spring") and len(asked) == 5

@@ -28,7 +28,9 @@ class Refusal:
 def motion_refusals(motion: SmoothedMotion, rows: FitRows) -> list[Refusal]:
     """Reasons in the data: too short, no motion, a joint that rests on all fitted rows, a constant torque."""
     out = []
-    seconds = round(float((~motion.test).sum() * motion.step), 1)  # half of eight seconds may be a sample short
+    seconds = round(
+        float((~motion.test).sum() * motion.step), 1
+    )  # as it is told: halves of several runs are some samples short
     if seconds < SHORTEST or rows.train_blocks < FEWEST_BLOCKS:
         out.append(
             Refusal(

@@ -408,19 +408,28 @@ def _reweighted(model: Model) -> Model:
 
 def _best_laws(model: Model) -> Model:
     """Each joint's friction law in turn, the others held: the best of the coarse choices, then its width refined."""
-    top = np.percentile(np.abs(model.setting.motion.dq), 99, axis=0)
     model = evolve(model, tangents=False)
     for j in range(model.setting.joints):
         error = {model.laws[j]: _law_error(model, j, model.laws[j])}
-        error |= {law: _law_error(model, j, law) for law in laws(float(top[j])) if law not in error}
+        error |= {law: _law_error(model, j, law) for law in friction_laws(model, j) if law not in error}
         for factor in (1.35, 1.16, 1.08, 1.04):
             close = [min((w for w in error if w.form == form and w.width > 0), key=error.__getitem__) for form in FORMS]
             for law in (evolve(law, width=law.width * f) for law in close for f in (factor, 1 / factor)):
                 error[law] = _law_error(model, j, law)
         best = min(error, key=error.__getitem__)
         if best != model.laws[j]:
-            model = evolve(model, laws=tuple(best if i == j else law for i, law in enumerate(model.laws)))
+            model = with_friction(model, j, best)
     return evolve(model, tangents=True)
+
+
+def friction_laws(model: Model, joint: int) -> tuple[FrictionLaw, ...]:
+    """The friction laws that a joint's speeds let choose from."""
+    return laws(float(np.percentile(np.abs(model.setting.motion.dq[:, joint]), 99)))
+
+
+def with_friction(model: Model, joint: int, law: FrictionLaw) -> Model:
+    """The model with another friction law of a joint."""
+    return evolve(model, laws=(*model.laws[:joint], law, *model.laws[joint + 1 :]))
 
 
 def _law_error(model: Model, joint: int, law: FrictionLaw) -> float:

@@ -5,11 +5,10 @@ that a hypothesis erases, motion in one direction only.
 from collections.abc import Iterator
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from cosim.closure.model.choice import ChosenEffect
-from cosim.closure.model.friction import laws
-from cosim.closure.model.model import Model
+from cosim.closure.model.model import Model, friction_laws, with_friction
 from cosim.closure.score.compare import preferred
 from cosim.closure.score.floor import from_sensors
 from cosim.effects.actuator import Erasing
@@ -30,7 +29,7 @@ class ClosureEvent:
 
 
 def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.where(use, x**2, 0).sum(axis=1) / np.maximum(use.sum(axis=1), 1))
+    return np.sqrt(np.where(use, x**2, 0).sum(axis=-1) / np.maximum(use.sum(axis=-1), 1))
 
 
 def incomplete(model: Model) -> dict[int, str]:
@@ -56,11 +55,12 @@ def _reported(model: Model, joint: int, noise: float) -> float:
     """How many times as much is left on reported rows as fitted ones, the noise and the coefficients' own uncertainty
     let expect, zero where no more than may be; without moments and spikes, which lie on either side by chance.
     """
-    test, usual = model.setting.rows.test, model.setting.use & (model.kept > HALF)
-    usual[joint, np.r_[_moments(model, joint), _spikes(model, joint)]] = False
-    fitted, held = (_rms(model.residual, usual & rows)[joint] for rows in (~test, test))
-    torque = _rms(model.setting.y + model.setting.given, model.setting.use & test)[joint]
-    x = model.unweighted[joint, usual[joint] & test]
+    setting, test = model.setting, model.setting.rows.test
+    usual = setting.use[joint] & (model.kept[joint] > HALF)
+    usual[np.r_[_moments(model, joint), _spikes(model, joint)]] = False
+    fitted, held = (_rms(model.residual[joint], usual & rows) for rows in (~test, test))
+    torque = _rms(setting.y[joint] + setting.given[joint], setting.use[joint] & test)
+    x = model.unweighted[joint, usual & test]
     predicted = np.sqrt(np.einsum("mp,pq,mq->m", x, model.fit.cov, x).clip(0).mean()) if len(x) else 0.0
     times = held / max(np.hypot(max(fitted, noise), predicted), 1e-300)
     return float(times) if times**2 > NOISE and held > SIZE * torque else 0.0
@@ -68,11 +68,8 @@ def _reported(model: Model, joint: int, noise: float) -> float:
 
 def _alike(model: Model, joint: int) -> Iterator[Model]:
     """The model with each friction law of a joint that blocks left out do not tell from its own."""
-    top = float(np.percentile(np.abs(model.setting.motion.dq[:, joint]), 99))
-    for law in laws(top):
-        other = evolve(model, laws=(*model.laws[:joint], law, *model.laws[joint + 1 :]))
-        if preferred(model, other) <= SAME:
-            yield other
+    others = (with_friction(model, joint, law) for law in friction_laws(model, joint))
+    return (other for other in others if preferred(model, other) <= SAME)
 
 
 def events(model: Model) -> tuple[ClosureEvent, ...]:

@@ -21,11 +21,9 @@ from cosim.effects.motion import Joints
 QUESTIONS = 4  # put to a recording, which share ALPHA (Bonferroni): laws and families, plain and robust
 
 
-def screened_laws(
-    model: Model, effects: Sequence[Effect], near: Joints | None = None
-) -> tuple[list[Screened], list[Untestable]]:
-    """All laws beside a model (those on one of the joints `near`), most nats first, and what cannot be tested."""
-    sets = _looked_for(model, effects, near)
+def screened_laws(model: Model, effects: Sequence[Effect]) -> tuple[list[Screened], list[Untestable]]:
+    """All laws beside a model, most nats first, and what cannot be tested."""
+    sets = _looked_for(model, effects)
     every = [[screen.of(effect, joints) for effect, joints in sets] for screen in screens(model)]
     untestable = [x for x in every[0] if isinstance(x, Untestable)]
     found = _best_of([_against_bar([x for x in some if isinstance(x, Screened)]) for some in every])
@@ -54,7 +52,7 @@ def ranked_laws(model: Model, effects: Sequence[Effect], near: Joints) -> list[S
     return _best_of([[x for x in found if isinstance(x, Screened)] for found in every])
 
 
-def _looked_for(model: Model, effects: Sequence[Effect], near: Joints | None) -> list[tuple[Effect, Joints]]:
+def _looked_for(model: Model, effects: Sequence[Effect], near: Joints | None = None) -> list[tuple[Effect, Joints]]:
     taken, active = {c.key for c in model.choices}, set(model.active)
     return [
         (effect, joints)

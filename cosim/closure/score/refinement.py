@@ -15,13 +15,17 @@ STEPS = (0.25, 0.12, 0.06, 0.03)  # of a search along one
 
 def refined(screened: Screened) -> ChosenEffect:
     """The choice with its continuous nonlinear parameters moved to the most nats: of the whole model along a line for
-    lag, delay, saturation and dead band, else of a screening (Nelder, Mead 1965). Only physical values count.
+    lag, delay, saturation and dead band, else of a screening (Nelder, Mead 1965). Only physical values count. Its
+    screen remembers it.
     """
-    choice = screened.choice
+    choice, known = screened.choice, screened.screen.best
     free = choice.effect.continuous(choice.theta)
     if not free:
         return choice
-    return _along(screened) if isinstance(choice.effect, Late | Erasing) else _simplex(screened, free)
+    key = choice.key, choice.theta
+    if key not in known:
+        known[key] = _along(screened) if isinstance(choice.effect, Late | Erasing) else _simplex(screened, free)
+    return known[key]
 
 
 def _along(screened: Screened) -> ChosenEffect:

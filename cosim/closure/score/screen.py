@@ -72,9 +72,12 @@ class Untestable:
 
 @define(eq=False)
 class Screen(Replicates):
-    """Hypotheses beside a model. columns: formed once for the plain and the robust one."""
+    """Hypotheses beside a model. columns: formed once for the plain and the robust one; best: laws at their best
+    nonlinear parameters, by their key and where they were looked for from.
+    """
 
     columns: dict[Hashable, Any] = field(factory=dict, repr=False)
+    best: dict[Hashable, ChosenEffect] = field(factory=dict, init=False, repr=False)
 
     @cached_property
     def drive(self) -> Delivery:

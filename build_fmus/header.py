@@ -80,7 +80,7 @@ def structure(table: ModelTable, number: str) -> list[str]:
         _member("double", "text", (32,), "room for the message of a refusal"),
     ]
     return [
-        *_enumerations(table),
+        *(_enumerations(table) if number == "double" else _numbers(table)),
         "typedef struct {\n" + "\n".join(members) + f"\n}} {name};",
         f"#define {table.model.name}_VALUES {len(table.scalars)}",
         f"#define {table.model.name}_INPUTS {len(table.of('input'))}",
@@ -93,6 +93,12 @@ def structure(table: ModelTable, number: str) -> list[str]:
 def _enumerations(table: ModelTable) -> list[str]:
     rows = [v for v in table.variable if v.type == "Enumeration"]
     return [f"enum {{ {', '.join(f'{v.name}_{n} = {i + 1}'.upper() for i, n in enumerate(v.items))} }};" for v in rows]
+
+
+def _numbers(table: ModelTable) -> list[str]:
+    """The same as macros, which models of one batch may have in common: C refuses a name with two values."""
+    rows = [v for v in table.variable if v.type == "Enumeration"]
+    return [f"#define {f'{v.name}_{n}'.upper()} {i + 1}" for v in rows for i, n in enumerate(v.items)]
 
 
 def _size(v: ModelVariable) -> tuple[int, ...]:

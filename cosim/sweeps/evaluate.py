@@ -189,8 +189,18 @@ def _refusal(wiring: Wiring) -> str | None:
 
 @of_structure
 def _signals(wiring: Wiring) -> list[str]:
-    """The signals that the verdict and the tracking error are computed from."""
-    names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED and not n.endswith(".saturated")]
+    """The signals that the verdict and the tracking error are computed from: of an arm whose motors the kernel takes
+    to have no limits not whether they are there.
+    """
+    from cosim.sweeps.lane import HELD
+
+    limited = {
+        f"{name}.saturated"
+        for name, c in wiring.scenario.components.items()
+        if "saturated" in HELD.get(c.model or "", ())
+    }
+    names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED]
+    names = [n for n in names if not n.endswith(".saturated") or n in limited]
     operator = [n for n in wiring.signals if stem(n) == "operator.f"]
     return list(
         dict.fromkeys(

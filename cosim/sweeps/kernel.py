@@ -1,9 +1,10 @@
 """The batch kernel: many scenarios of the built-in loop at once, in the vector lanes of fmu_src/kernel/kernel.c.
 
 It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to arms with rigid
-joints and without encoders, whatever their friction, P-like controllers, channels of every semantics, hands and
-environments, and components that nothing is wired into (an operator that does not feel the arm), whose signals are
-computed beforehand by the FMUs themselves. `lane_refusal` says why it does not apply; then the co-simulation does.
+joints and without encoders (PHANToMs and serial arms), whatever their friction, P-like controllers, channels of every
+semantics, hands and environments, and components that nothing is wired into (an operator that does not feel the arm),
+whose signals are computed beforehand by the FMUs themselves. `lane_refusal` says why it does not apply; then the
+co-simulation does.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from cosim.engine.native import Arena
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
-from cosim.sweeps.lane import Feed, LaneSetting
+from cosim.sweeps.lane import CHANNELS, Feed, LaneSetting
 from cosim.sweeps.lane_layout import LaneLayout, lane_layout
 from cosim.sweeps.memory import ReusedMemory
 from cosim.sweeps.native_kernel import (
@@ -220,17 +221,20 @@ class _Call:
             work,
         )
 
-    def _looks(self) -> tuple[int, int, int, int, float, float]:
-        """Where signs are kept, at which rows they are looked for, how many rates are followed, what ends a pair."""
+    def _looks(self) -> tuple[int, int, int, int, int, float, float]:
+        """Where signs are kept, at which rows they are looked for, how many rates and limits are followed, what ends a
+        pair.
+        """
         if self.signs is None or self.ending is None:
-            return 0, 0, 0, 0, 0.0, 0.0
+            return 0, 0, 0, 0, 0, 0.0, 0.0
         power = np.empty((len(self.signs), self.rows + 1))
         power[:, 0] = 0.0
         for sign, sums in zip(self.signs, power):
             sign.power = self.arena.array(sums)
         looks = [int(share * (self.rows - 1)) for share in _LOOKS]
         where = self.arena.structures(self.signs), self.arena.indices(looks)
-        return *where, len(looks), len(self.layout.rates), self.ending.quantile, self.ending.part
+        followed = len(self.layout.rates), len(self.layout.saturated)
+        return *where, len(looks), *followed, self.ending.quantile, self.ending.part
 
     def _component(self, i: int) -> NativeComponent:
         part, kind = self.parts[i], kinds(_library())[self.parts[i].model]
@@ -238,14 +242,16 @@ class _Call:
             kind=kind,
             n_inputs=len(part.inputs),
             inputs=self.layout.inputs[i],
-            n_outputs=part.count,
+            n_outputs=self.places.counts[i],
             first=self.places.first[i],
         )
         if part.model:
             self._give_starts(native, i)
         if self._series(i):
             self._give_series(native, i)
-        if part.model == "VariableDelayChannel":
+        if part.model == "SerialArm":
+            native.serial = self.arena.zeros(int(_library().serial_size()) // 8)
+        if part.model in CHANNELS:
             self._give_history(native, i)
         return native
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from attrs import evolve, field, frozen
 
 from cosim.engine.master import run
 from cosim.errors import RunError
-from cosim.signals import FmuDescription, index_of, stem
+from cosim.signals import FmuDescription
 from cosim.wiring import Wiring
 
 HELD = {
@@ -21,10 +22,25 @@ HELD = {
     "VariableDelayChannel": {"y": ("y",), "w": ("w",)},
     "Operator": {"f": ("f",)},
     "Environment": {"f": ("f",)},
+    "ArmController": {"f": ("f",), "tau": ("tau",)},
+    "PacketChannel": {"y": ("y",)},
+    "SerialArm": {
+        "q_link": ("q",),
+        "dq_link": ("dq",),
+        "x_tip": ("x", "x_tip"),
+        "dx_tip": ("dx", "dx_tip"),
+        "tau_motor": ("tau_motor",),
+        "f_contact": ("f_contact",),
+        "saturated": ("saturated",),
+    },
 }
 """Models that the kernel has, which of their vectors its store holds, and the outputs that have the same values: an arm
 without effects measures what is.
 """
+ARMS = ("PhantomArm", "SerialArm")
+CHANNELS = ("VariableDelayChannel", "PacketChannel")
+_OF_ALL_LANES = ("joints", "joint_type", "coupling_on", "coupling_from")
+"""Start values of a serial arm that all lanes of a call have in common."""
 COURSE = (
     *("law", "knots", "seed", "delay_mean", "delay_min", "delay_max", "delay_period", "delay_phase"),
     *("delay_interval", "delay_step", "loss_to_bad", "loss_to_good", "loss_good", "loss_bad"),
@@ -87,7 +103,7 @@ class LaneComponent:
     @property
     def packets(self) -> bool:
         """Whether it is a channel of packets, which are dropped, overtaken or lost."""
-        return self.model == "VariableDelayChannel" and self.choice("semantics") != "time_delay"
+        return self.model in CHANNELS and self.choice("semantics") != "time_delay"
 
     @property
     def longest_delay(self) -> float:
@@ -99,42 +115,69 @@ class LaneComponent:
         """Whether it is a channel that may lose samples."""
         return self.number("loss_to_bad") != 0.0 or self.number("loss_good") != 0.0
 
-    def places(self, names: Sequence[str]) -> list[int]:
-        """Where variables lie in the struct of the model: their value references."""
+    def places(self, names: Iterable[str]) -> list[int]:
+        """Where variables lie in the struct of the model: their value references in an FMU with room for all joints."""
+        if "joints" in self.description.variables:
+            known = _references(self.model)
+            return [known[name] for name in names]
         return [self.description.variables[name].reference for name in names]
+
+    def elements(self, vectors: Iterable[str]) -> list[str]:
+        """The variables of these vectors."""
+        return [name for vector in vectors for name in self.description.elements(vector)]
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many numbers of each of its vectors the kernel's store holds."""
+        return [len(self.description.elements(same[0])) for same in HELD[self.model].values()]
 
     @property
     def count(self) -> int:
         """How many numbers of it the kernel's store holds."""
-        return 3 * len(HELD[self.model]) if self.model else len(self.outputs)
+        return sum(self.sizes) if self.model else len(self.outputs)
 
     @property
     def computed(self) -> list[tuple[str, int]]:
         """Outputs that the kernel has, with their places among what its store holds."""
         if not self.model:
             return [(name, i) for i, name in enumerate(self.outputs)]
-        places = {output: 3 * i for i, same in enumerate(HELD[self.model].values()) for output in same}
-        stems = [(name, places.get(stem(name))) for name in self.outputs]
-        return [(name, at + index_of(name) - 1) for name, at in stems if at is not None]
+        firsts = itertools.accumulate(self.sizes, initial=0)
+        places = {
+            element: first + i
+            for first, same in zip(firsts, HELD[self.model].values())
+            for output in same
+            for i, element in enumerate(self.description.elements(output))
+        }
+        return [(name, places[name]) for name in self.outputs if name in places]
+
+
+@cache
+def _references(model: str) -> Mapping[str, int]:
+    """Value references of a model of ours by name."""
+    from build_fmus.sources import model_table
+
+    return {scalar.name: scalar.reference for scalar in model_table(model).scalars}
 
 
 @frozen
 class LanePlaces:
-    """Where the kernel's outputs lie in half its store: `first` of each component, `number` by signal name, `at` by
-    place in the schedule's store (-1: not computed); how many there are.
+    """Where the kernel's outputs lie in half its store: `first` of each component, how many it has, `number` by signal
+    name, `at` by place in the schedule's store (-1: not computed); how many there are.
     """
 
     first: tuple[int, ...]
+    counts: tuple[int, ...]
     number: Mapping[str, int]
     at: np.ndarray = field(eq=False)
     count: int
 
     @classmethod
     def of(cls, wiring: Wiring, parts: Sequence[LaneComponent]) -> LanePlaces:
-        *first, count = itertools.accumulate((part.count for part in parts), initial=0)
+        counts = tuple(part.count for part in parts)
+        *first, count = itertools.accumulate(counts, initial=0)
         number = {f"{part.name}.{output}": at + i for at, part in zip(first, parts) for output, i in part.computed}
         at = np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64)
-        return cls(tuple(first), number, at, count)
+        return cls(tuple(first), counts, number, at, count)
 
 
 @frozen
@@ -153,9 +196,12 @@ class LaneSetting:
 
     @property
     def shared(self) -> tuple[object, ...]:
-        """What all lanes of a call must have in common: internal steps, and which channels delay packets."""
+        """What all lanes of a call must have in common: internal steps, which channels delay packets, which joints
+        serial arms have.
+        """
         steps = (p.number("internal_steps") for p in self.parts if "internal_steps" in p.description.variables)
-        return *steps, *(p.packets for p in self.parts)
+        joints = (p.number(v) for p in self.parts if p.model == "SerialArm" for v in p.elements(_OF_ALL_LANES))
+        return *steps, *(p.packets for p in self.parts), *joints
 
 
 def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | None:
@@ -164,7 +210,7 @@ def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | Non
     """
     if not part.model:
         return feed.values(wiring, part, part.outputs)
-    if part.model != "VariableDelayChannel":
+    if part.model not in CHANNELS:
         return None
     if part.choice("law") == "constant" and not part.loses:
         return np.array([[part.number("delay_mean")]])

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.engine.master import Timetable
 from cosim.engine.native import Arena
 from cosim.signals import stem
-from cosim.sweeps.lane import LaneComponent, LanePlaces
+from cosim.sweeps.lane import ARMS, LaneComponent, LanePlaces
 from cosim.sweeps.native_kernel import NativeAct, NativeTurn, NativeWire
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import GetOutputs, SetInputs, Step
@@ -29,6 +29,7 @@ class LaneLayout:
         self.timetable: Timetable = Timetable.of(wiring, record)
         self.arena: Arena = Arena()
         self.rates: np.ndarray = self._of_arms("dq")
+        self.saturated: np.ndarray = self._of_arms("saturated")
         self.inputs: list[int] = [self.arena.indices(part.places(part.inputs)) for part in self.parts]
         self.turns: int = self.arena.structures((NativeTurn * 2)(self._turn(0), self._turn(1)))
         place = {str(link.target): self.places.number[str(link.source)] for link in wiring.links}
@@ -36,10 +37,13 @@ class LaneLayout:
         self.sources: int = self.arena.pointers([self.arena.indices(places) for places in sources])
 
     def _of_arms(self, kind: str) -> np.ndarray:
-        """Places among the schedule's outputs of the joint rates ("dq") or angles ("q") of all arms."""
-        arms = {part.name for part in self.parts if part.model == "PhantomArm"}
+        """Places among the schedule's outputs of the joint rates ("dq") or angles ("q") of all arms, or of what the
+        kernel knows of their limits ("saturated").
+        """
+        arms = {part.name for part in self.parts if part.model in ARMS}
         names = (name.partition(".") for name in self.wiring.signals)
-        return np.flatnonzero([head in arms and stem(tail) == kind for head, _, tail in names])
+        wanted = np.array([head in arms and stem(tail) == kind for head, _, tail in names], dtype=bool)
+        return np.flatnonzero(wanted & (self.places.at >= 0))
 
     def _turn(self, odd: int) -> NativeTurn:
         """The schedule's one phase in the kernel's places, for odd or even steps: each step writes its outputs into the
@@ -60,7 +64,7 @@ class LaneLayout:
             elif isinstance(o, Step):
                 acts.append(NativeAct(component=o.component, steps=1))
         row = lie(schedule.phases[0].record.source)
-        chosen = (self.timetable.columns, self.rates, self._of_arms("q"))
+        chosen = (self.timetable.columns, self.rates, self._of_arms("q"), self.saturated)
         array = self.arena.structures((NativeAct * len(acts))(*acts))
         return NativeTurn(array, len(acts), *(self.arena.indices(row[places]) for places in chosen))
 

@@ -8,25 +8,10 @@ from attrs import frozen
 
 from cosim.signals import stem
 from cosim.sweeps.lane import LaneComponent, LanePlaces
+from cosim.sweeps.lane_arms import unfit_phantom, unfit_serial
 from cosim.wiring import Wiring
 from cosim.wiring.structure import of_structure
 
-_ARM_LAW = {
-    *("pi", "mounting", "payload", "base_tilt", "gravity_compensation", "workspace_limits", "internal_steps"),
-    *("viscous", "coulomb", "coulomb_velocity", "stiffness", "damping", "q_start", "dq_start"),
-    *("contact_stiffness", "contact_damping", "contact_normal", "contact_distance"),
-    *("tau", "f", "f_command", "x_ref"),
-    *("coulomb_form", "stribeck", "stribeck_velocity", "stribeck_exponent", "coulomb_asymmetry", "viscous_asymmetry"),
-    *("torque_offset", "load_friction", "position_friction_sin", "position_friction_cos", "position_torque"),
-    *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
-    *("ripple_sin", "ripple_cos", "ripple_order", "hysteresis", "hysteresis_length", "hysteresis_exponent"),
-    *("hysteresis_ratio", "hysteresis_tilt", "quadratic_drag", "friction_drift", "friction_drift_time"),
-    *("torque_gain", "torque_deadband", "stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
-    *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
-}
-"""What may differ from the table in the kernel's arm: not what makes a joint elastic, late or limited, nor encoders."""
-_CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0), "stop_side": (-1.0, 1.0)}
-"""The numbers that the arm takes for them."""
 _MOST_OUTPUTS = 12  # of a series
 _LEAST_STEP = 4  # ns, of channels of packets: stamps are equal within 1 ns, RING_SAME of fmu_src/shared/ring.h
 _LEAST_BOUND = 1e5
@@ -103,18 +88,6 @@ def _fit(part: LaneComponent) -> str | None:
     return None
 
 
-def _unfit_arm(part: LaneComponent) -> str | None:
-    variables = part.description.variables
-    for name, value in part.starts.items():
-        if stem(name) not in _ARM_LAW and value != variables[name].start:
-            return f"its {name} is {value!r}"
-        if value not in _CHOSEN.get(stem(name), (value,)):
-            return f"its {name} is {value!r}"
-    if part.number("contact_stiffness") > 0 and not any(part.number(f"contact_normal[{i}]") for i in (1, 2, 3)):
-        return "its contact_normal is zero"
-    return None
-
-
 def _unfit_channel(part: LaneComponent) -> str | None:
     if "delay" in part.inputs:
         return "its input delay is wired"
@@ -130,6 +103,11 @@ def _unfit_channel(part: LaneComponent) -> str | None:
     return None
 
 
+def _unfit_packets(part: LaneComponent) -> str | None:
+    coded = [name for name in part.starts if stem(name) == "deadband" and part.number(name) > 0.0]
+    return f"its {coded[0]} is {part.number(coded[0])!r}" if coded else _unfit_channel(part)
+
+
 def _unfit_operator(part: LaneComponent) -> str | None:
     return "its stop_time is before its start_time" if part.number("stop_time") < part.number("start_time") else None
 
@@ -140,8 +118,10 @@ def _unfit_environment(part: LaneComponent) -> str | None:
 
 
 _UNFIT = {
-    "PhantomArm": _unfit_arm,
+    "PhantomArm": unfit_phantom,
+    "SerialArm": unfit_serial,
     "VariableDelayChannel": _unfit_channel,
+    "PacketChannel": _unfit_packets,
     "Operator": _unfit_operator,
     "Environment": _unfit_environment,
 }

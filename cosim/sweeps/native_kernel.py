@@ -29,6 +29,7 @@ class NativeComponent(ctypes.Structure):
         ("stamps", c_void_p),
         ("capacity", c_int64),
         ("packets", c_void_p),
+        ("serial", c_void_p),
     ]
 
 
@@ -59,6 +60,7 @@ class NativeTurn(ctypes.Structure):
         ("columns", c_void_p),
         ("rates", c_void_p),
         ("angles", c_void_p),
+        ("saturated", c_void_p),
     ]
 
 
@@ -110,6 +112,7 @@ class NativeJob(ctypes.Structure):
         ("looks", c_void_p),
         ("n_looks", c_int64),
         ("n_rates", c_int64),
+        ("n_saturated", c_int64),
         ("quantile", c_double),
         ("part", c_double),
         ("work", c_void_p),
@@ -131,7 +134,7 @@ def prepared(library: ctypes.CDLL) -> ctypes.CDLL:
     library.run.argtypes = [POINTER(NativeJob), c_void_p]
     library.run.restype = library.course.restype = None
     library.course.argtypes = [POINTER(NativeCourse), c_int64, c_double, c_void_p]
-    library.lanes.restype = library.part_size.restype = c_int64
+    library.lanes.restype = library.part_size.restype = library.serial_size.restype = c_int64
     library.model_name.argtypes = library.model_held.argtypes = [c_int64]
     library.model_name.restype = library.model_held.restype = c_char_p
     held = {name: library.model_held(kind).decode() for name, kind in kinds(library).items() if name}

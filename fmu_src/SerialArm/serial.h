@@ -207,6 +207,19 @@ static inline void serial_torque_of_force(int n, const SerialTip *tip, const rea
 
 /* ---- dynamics ---- */
 
+/* Force and couple on a link, added to those on its parent. */
+static inline void serial_hand_back(const real r[9], const real p[3], const real force[3], const real couple[3],
+                                    real parent_force[3], real parent_couple[3]) {
+    real f[3], t[3], u[3];
+    turn(r, force, f);
+    turn(r, couple, t);
+    cross(p, f, u);
+    for (int k = 0; k < 3; k++) {
+        parent_force[k] = parent_force[k] + f[k];
+        parent_couple[k] = parent_couple[k] + t[k] + u[k];
+    }
+}
+
 /* tau = M ddq + C dq + N by Newton and Euler: the base accelerates against gravity, forces come back from the tip. `armature`
  * (kg m^2) is what motors behind gears add to the diagonal of M. */
 static inline void serial_inverse(int n, const double *type, const SerialLink *link, const SerialPose *pose,
@@ -250,15 +263,25 @@ static inline void serial_inverse(int n, const double *type, const SerialLink *l
     }
     for (int i = n - 1; i >= 0; i--) {
         tau[i] = (serial_slides(type[i]) ? force[i][2] : couple[i][2]) + armature[i] * ddq[i];
-        if (i == 0) break;
-        real f[3], t[3], u[3];
-        turn(pose->r[i], force[i], f);
-        turn(pose->r[i], couple[i], t);
-        cross(pose->p[i], f, u);
-        for (int k = 0; k < 3; k++) {
-            force[i - 1][k] = force[i - 1][k] + f[k];
-            couple[i - 1][k] = couple[i - 1][k] + t[k] + u[k];
-        }
+        if (i > 0) serial_hand_back(pose->r[i], pose->p[i], force[i], couple[i], force[i - 1], couple[i - 1]);
+    }
+}
+
+/* N(q): serial_inverse of an arm at rest, whose motions are zero; `last` is the last link (N m). */
+static inline void serial_weight(int n, const double *type, const SerialLink *link, const SerialLink *last,
+                                 const SerialPose *pose, const real gravity[3], real *tau) {
+    real force[SERIAL_MOST][3], couple[SERIAL_MOST][3], a[3] = {-gravity[0], -gravity[1], -gravity[2]};
+    for (int i = 0; i < n; i++) {
+        const SerialLink *own = i < n - 1 ? &link[i] : last;
+        real t[3];
+        turn_back(pose->r[i], a, t);
+        memcpy(a, t, sizeof a);
+        for (int k = 0; k < 3; k++) force[i][k] = own->mass * a[k];
+        cross(own->moment, a, couple[i]);
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        tau[i] = serial_slides(type[i]) ? force[i][2] : couple[i][2];
+        if (i > 0) serial_hand_back(pose->r[i], pose->p[i], force[i], couple[i], force[i - 1], couple[i - 1]);
     }
 }
 

@@ -68,21 +68,23 @@ static void step_channel(Part *a, const Component *component, int64_t done, doub
     real before[CHANNEL_ROW];
     enter(a, c, t);
     if (a->varies) read_delays(a, c, done + 1);
-    const VariableDelayChannelModel *m = &a->model.channel;
-    const real target = channel_target(m->semantics, t, a->delay);
+    const real target = channel_target(a->semantics, t, a->delay);
     const real from = advance(a, c, newest, target, 1.0 / size, before),
-               part = channel_part(m->semantics, m->interpolation, target - from, a->next_stamp - from);
-    for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = channel_between(before[i], a->next[i], part);
+               part = channel_part(a->semantics, a->interpolation, target - from, a->next_stamp - from);
+    for (int64_t i = 0; i < c->n_inputs; i++) out[c->inputs[i]] = channel_between(before[i], a->next[i], part);
 }
 
 static void start_channel(Part *a, const Component *c, double size, real *out) {
+    const int wide = c->kind == PACKET_CHANNEL;
+    a->semantics = wide ? a->model.packets.semantics : a->model.channel.semantics;
+    a->interpolation = wide ? a->model.packets.interpolation : a->model.channel.interpolation;
     a->head = 0, a->known = 0, a->varies = 0;
     for (int lane = 0; lane < LANES; lane++) a->varies = a->varies || c->series_step[lane];
     read_delays(a, c, 0);
     enter(a, c, CHANNEL_BEFORE);
     enter(a, c, 0.0);
     if (c->packets) start_packets(a, c, size);
-    for (int i = 0; i < 3; i++) out[i] = a->model.channel.u[i], out[3 + i] = a->model.channel.v[i];
+    for (int64_t i = 0; i < c->n_outputs; i++) out[i] = values_of(a)[i];
 }
 
 #endif

@@ -5,13 +5,6 @@
 #include "part.h"
 #include "rows.h"
 
-#define AT(member) ((int64_t)(offsetof(VariableDelayChannelModel, member) / sizeof(real)))
-
-/* Place among the outputs of what shows an input: y of u, w of v. */
-static inline int64_t shown(int64_t input) {
-    return input >= AT(u) && input < AT(u) + 3 ? input - AT(u) : input - AT(v) + 3;
-}
-
 /* A lane's wired inputs in record k of the samples entered. */
 static inline double *past(const Component *c, int64_t k, int lane) {
     return c->history + lane * LANE_STRIDE(c->capacity, c->n_inputs) + (k & (c->capacity - 1)) * FOURS(c->n_inputs);
@@ -24,7 +17,7 @@ static inline void enter(Part *a, const Component *c, double stamp) {
     real numbers[CHANNEL_ROW];
     for (int lane = 0; lane < LANES; lane++) rows[lane] = past(c, k, lane);
     for (int64_t i = 0; i < c->n_inputs; i++) numbers[i] = values_of(a)[c->inputs[i]];
-    for (int64_t i = c->n_inputs; i < CHANNEL_ROW; i++) numbers[i] = real_of(0.0);
+    for (int64_t i = c->n_inputs; i < FOURS(c->n_inputs); i++) numbers[i] = real_of(0.0);
     write_rows(numbers, c->n_inputs, rows);
 }
 

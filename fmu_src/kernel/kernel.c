@@ -8,7 +8,7 @@
  */
 #include "course.h"
 #include "delay.h"
-#include "motion.h"
+#include "serial_arm.h"
 #include "sign.h"
 
 /* clang-format off */
@@ -18,11 +18,11 @@
     FIELD(int64_t, component) FIELD(int64_t, steps) \
     FIELD(const Wire *, wires) FIELD(int64_t, n_held) FIELD(int64_t, n_wires)
 
-/* An even or an odd communication step: acts, and the places that its row is taken from, and those of all joint rates and
- * angles. */
+/* An even or an odd communication step: acts, and the places that its row is taken from, those of all joint rates and
+ * angles, and those that say which arms have a motor at its limit. */
 #define TURN(FIELD) \
     FIELD(const Act *, acts) FIELD(int64_t, n_acts) FIELD(const int64_t *, columns) \
-    FIELD(const int64_t *, rates) FIELD(const int64_t *, angles)
+    FIELD(const int64_t *, rates) FIELD(const int64_t *, angles) FIELD(const int64_t *, saturated)
 
 /* A run of LANES scenarios. */
 #define JOB(FIELD) \
@@ -36,7 +36,7 @@
     FIELD(int64_t *, outcome) /* [LANES] 0 ran through, 1 out of bounds, 2 domain left, 3 sign decided */ \
     FIELD(Sign *, signs)      /* [LANES / 2] of lanes 2 k, a run, and 2 k + 1, its twin; NULL: none is looked for */ \
     FIELD(const int64_t *, looks) FIELD(int64_t, n_looks) /* rows, in order */ \
-    FIELD(int64_t, n_rates) FIELD(double, quantile) FIELD(double, part) /* see sign.h */ \
+    FIELD(int64_t, n_rates) FIELD(int64_t, n_saturated) FIELD(double, quantile) FIELD(double, part) /* see sign.h */ \
     FIELD(void *, work)       /* [n_components] of part_size() bytes */
 
 /* clang-format on */
@@ -53,6 +53,10 @@ EXPORTED int64_t lanes(void) {
 }
 EXPORTED int64_t part_size(void) {
     return (int64_t)sizeof(Part);
+}
+/* What a component with a serial arm needs beside. */
+EXPORTED int64_t serial_size(void) {
+    return (int64_t)sizeof(SerialPart);
 }
 /* Name of the model of a kind; NULL where it is none. */
 EXPORTED const char *model_name(int64_t kind) {
@@ -81,35 +85,69 @@ static void start_series(Part *a, const Component *c, real *out) {
 }
 
 static void start(Part *a, const Component *c, double size, real *out) {
-    if (c->kind == OPERATOR)
-        start_operator(a, out);
-    else if (c->kind == ENVIRONMENT)
-        a->normal = environment_normal(&a->model.environment),
-        environment_outputs(&a->model.environment, &a->normal, out);
-    else if (c->kind == ARM)
+    switch (c->kind) {
+    case ARM:
         start_arm(a, out);
-    else if (c->kind == CONTROLLER)
+        return;
+    case SERIAL_ARM:
+        start_serial(a, c, out);
+        return;
+    case CONTROLLER:
         controller_outputs(&a->model.controller, out, out + 3);
-    else if (c->kind == CHANNEL)
+        return;
+    case ARM_CONTROLLER:
+        arm_controller_outputs(&a->model.arm_controller, (int)c->n_outputs - 3, out, out + 3);
+        return;
+    case CHANNEL:
+    case PACKET_CHANNEL:
         start_channel(a, c, size, out);
-    else
+        return;
+    case OPERATOR:
+        start_operator(a, out);
+        return;
+    case ENVIRONMENT:
+        a->normal = environment_normal(&a->model.environment);
+        environment_outputs(&a->model.environment, &a->normal, out);
+        return;
+    default:
         start_series(a, c, out);
+    }
 }
 
 static void step(Part *a, const Component *c, int64_t done, double time, double size, real *out) {
-    if (c->kind == OPERATOR)
-        step_operator(a, time, size, out);
-    else if (c->kind == ENVIRONMENT)
-        environment_outputs(&a->model.environment, &a->normal, out);
-    else if (c->kind == ARM)
+    switch (c->kind) {
+    case ARM:
         step_arm(a, time, size, out);
-    else if (c->kind == CONTROLLER)
+        return;
+    case SERIAL_ARM:
+        step_serial(a, c, time, size, out);
+        return;
+    case CONTROLLER:
         controller_outputs(&a->model.controller, out, out + 3);
-    else if (c->kind == CHANNEL)
-        c->packets ? step_packets(a, c, done, time + size, size, out)
-                   : step_channel(a, c, done, time + size, size, out);
-    else if (a->varies)
-        show_series(c, done + 1, a->alike, out);
+        return;
+    case ARM_CONTROLLER:
+        arm_controller_outputs(&a->model.arm_controller, (int)c->n_outputs - 3, out, out + 3);
+        return;
+    case CHANNEL:
+    case PACKET_CHANNEL:
+        if (c->packets)
+            step_packets(a, c, done, time + size, size, out);
+        else
+            step_channel(a, c, done, time + size, size, out);
+        return;
+    case OPERATOR:
+        step_operator(a, time, size, out);
+        return;
+    case ENVIRONMENT:
+        environment_outputs(&a->model.environment, &a->normal, out);
+        return;
+    default:
+        if (a->varies) show_series(c, done + 1, a->alike, out);
+    }
+}
+
+static inline int moves_along_lines(const Component *c) {
+    return c->kind == ARM || c->kind == OPERATOR || c->kind == SERIAL_ARM;
 }
 
 /* --- the schedule ------------------------------------------------------------------------------------------------- */
@@ -156,8 +194,10 @@ static void initialise(Job *job, Part *work, const int64_t *const *sources) {
 static void prepare(Job *job, Part *work) {
     for (int64_t i = 0; i < job->n_components; i++) {
         const Component *c = job->components + i;
-        real *values = values_of(work + i);
         memset(work + i, 0, sizeof *work);
+        if (c->serial) memset(c->serial, 0, sizeof(SerialPart));
+        work[i].serial = c->serial;
+        real *values = work[i].values = c->serial ? (real *)&work[i].serial->model : (real *)&work[i].model;
         for (int64_t k = 0; k < models[c->kind].n_values; k++) values[k] = real_of(models[c->kind].start[k]);
         for (int64_t k = 0; k < c->n_starts; k++) values[c->started[k]] = c->starts[k];
     }
@@ -202,7 +242,10 @@ static int watch(Job *job, const Part *work, int64_t done) {
     const mask fine = bounded(job->store + done % 2 * job->n_places, job->n_places, job->bound);
     mask inside = everywhere();
     for (int64_t i = 0; i < job->n_components; i++)
-        if (job->components[i].kind == ARM) inside = inside & (work[i].model.arm.domain != 0.0);
+        if (job->components[i].kind == ARM)
+            inside = inside & (work[i].model.arm.domain != 0.0);
+        else if (job->components[i].kind == SERIAL_ARM)
+            inside = inside & (work[i].serial->model.domain != 0.0);
     if (all(fine & inside)) return 1;
     int running = 0;
     for (int lane = 0; lane < LANES; lane++) {
@@ -230,6 +273,16 @@ static double parted(const Job *job, const Turn *turn, int lane, Sign *sign) {
     return square;
 }
 
+/* Whether a motor of one of two lanes is at its limit: what comes then says nothing of small motions. */
+static int at_limit(const Job *job, const Turn *turn, int lane) {
+    int found = 0;
+    for (int64_t i = 0; i < job->n_saturated; i++) {
+        const real *saturated = job->store + turn->saturated[i];
+        found = found || LANE(*saturated, lane) != 0.0 || LANE(*saturated, lane + 1) != 0.0;
+    }
+    return found;
+}
+
 /* A row of every pair that still runs; ends those whose sign is decided. Whether any lane still runs. */
 static int follow(Job *job, const Turn *turn, int64_t done) {
     const double period = (double)job->every * job->step_ns / 1e9;
@@ -240,7 +293,8 @@ static int follow(Job *job, const Turn *turn, int64_t done) {
         Sign *sign = job->signs + lane / 2;
         if (job->outcome[lane] || job->outcome[lane + 1]) continue;
         const int64_t full = sign->full;
-        if (!full) sign_follow(sign, parted(job, turn, lane, sign));
+        if (at_limit(job, turn, lane)) sign->full = 1;
+        if (!sign->full) sign_follow(sign, parted(job, turn, lane, sign));
         if (sign->full ? !full : look)
             sign_look(sign, period, (double)(job->steps - done) * job->step_ns / 1e9, job->quantile, job->part);
         if (sign->sign) job->outcome[lane] = job->outcome[lane + 1] = 3, job->ended[lane] = job->ended[lane + 1] = done;
@@ -266,7 +320,7 @@ EXPORTED void run(Job *job, const int64_t *const *sources) {
             if (act->steps)
                 step(work + act->component, c, done, time, size, outputs(job, c, done + 1));
             else
-                set_inputs(work + act->component, act, c->kind == ARM || c->kind == OPERATOR, job->store, size);
+                set_inputs(work + act->component, act, moves_along_lines(c), job->store, size);
         }
         const int recorded = (done + 1) % job->every == 0;
         if (recorded) record(job, turn->columns, done + 1);

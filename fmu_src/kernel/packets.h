@@ -57,7 +57,7 @@ static inline void join_line(Part *a, const Component *c, int64_t k, int lane) {
 
 /* Sample k, of time t, of each lane that does not lose it. */
 static inline void send(Part *a, const Component *c, int64_t k, double t, int64_t now, double size) {
-    const real semantics = a->model.channel.semantics, arrival = arrivals(t, a->delay);
+    const real semantics = a->semantics, arrival = arrivals(t, a->delay);
     const real stamps = choose(semantics == real_of(SEMANTICS_TRANSPORT_DELAY), real_max(a->exit, arrival), arrival);
     const real points = points_of(c, stamps, now, size);
     if (a->stamped) memcpy(packet_stamp(c, k, 0), &stamps, sizeof stamps);
@@ -78,7 +78,7 @@ static inline void send(Part *a, const Component *c, int64_t k, double t, int64_
 /* What has arrived last is shown from now on. */
 static inline void receive(Part *a, const Component *c, int64_t now) {
     real_bits *const note = noted(c, now), arrived = *note, none = bits_of(real_of(0.0));
-    const mask ordered = a->model.channel.semantics == real_of(SEMANTICS_PACKET_ORDER);
+    const mask ordered = a->semantics == real_of(SEMANTICS_PACKET_ORDER);
     const mask fresh = (arrived > a->at) | (ordered & (arrived != none));
     const double *rows[LANES];
     real numbers[CHANNEL_ROW];
@@ -97,7 +97,6 @@ static inline void receive(Part *a, const Component *c, int64_t now) {
 
 /* Between what is shown and what was sent next, where there are lines. */
 static inline void show_between(const Part *a, const Component *c, double t, real *out) {
-    const VariableDelayChannelModel *m = &a->model.channel;
     const double *rows[LANES];
     real next[CHANNEL_ROW], stamps = a->shown_stamp;
     for (int lane = 0; lane < LANES; lane++) {
@@ -106,15 +105,15 @@ static inline void show_between(const Part *a, const Component *c, double t, rea
         if (k) LANE(stamps, lane) = *packet_stamp(c, k, lane);
     }
     read_rows(rows, c->n_inputs, next);
-    const real part = channel_part(m->semantics, m->interpolation, t - a->shown_stamp, stamps - a->shown_stamp);
-    for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = channel_between(a->shown[i], next[i], part);
+    const real part = channel_part(a->semantics, a->interpolation, t - a->shown_stamp, stamps - a->shown_stamp);
+    for (int64_t i = 0; i < c->n_inputs; i++) out[c->inputs[i]] = channel_between(a->shown[i], next[i], part);
 }
 
 static inline void show_packets(const Part *a, const Component *c, double t, real *out) {
-    if (any(channel_lines(a->model.channel.semantics, a->model.channel.interpolation)))
+    if (any(channel_lines(a->semantics, a->interpolation)))
         show_between(a, c, t, out);
     else
-        for (int64_t i = 0; i < c->n_inputs; i++) out[shown(c->inputs[i])] = a->shown[i];
+        for (int64_t i = 0; i < c->n_inputs; i++) out[c->inputs[i]] = a->shown[i];
 }
 
 static void step_packets(Part *a, const Component *component, int64_t done, double t, double size, real *out) {
@@ -130,7 +129,7 @@ static void step_packets(Part *a, const Component *component, int64_t done, doub
 /* Record 0, which stands for all time before, is shown; record 1, of time 0, is sent. */
 static void start_packets(Part *a, const Component *c, double size) {
     memset(c->packets, 0, 3 * (size_t)c->capacity * sizeof(real));
-    a->stamped = any(a->model.channel.semantics != real_of(SEMANTICS_NEWEST_PACKET));
+    a->stamped = any(a->semantics != real_of(SEMANTICS_NEWEST_PACKET));
     a->at = bits_of(real_of(0.0)), a->exit = a->shown_stamp = real_of(CHANNEL_BEFORE);
     for (int lane = 0; lane < LANES; lane++) a->following[lane] = a->sent[lane] = 0;
     for (int64_t i = 0; i < c->n_inputs; i++) a->shown[i] = values_of(a)[c->inputs[i]];

@@ -13,38 +13,48 @@
 #define inline inline __attribute__((always_inline))
 #endif
 
+#include "ArmController_model.h"
 #include "Environment_model.h"
 #include "Operator_model.h"
 #include "PLikeController_model.h"
+#include "PacketChannel_model.h"
 #include "PhantomArm_model.h"
+#include "SerialArm_model.h"
 #include "VariableDelayChannel_model.h"
 
+#include "../ArmController/law.h"
 #include "../Environment/law.h"
 #include "../Operator/law.h"
 #include "../PLikeController/law.h"
 #include "../PhantomArm/law.h"
+#include "../SerialArm/law.h"
 #include "../VariableDelayChannel/law.h"
 #include "../shared/layout.h"
 
 #define ARM_EFFECT_STATES 15 /* q_link, dq_link, z, z_short, z_long */
-#define MOST_STATES ARM_EFFECT_STATES
+#define SERIAL_STATE_KINDS 5 /* likewise, a row of each */
+#define MOST_STATES (SERIAL_STATE_KINDS * SERIAL_MOST)
 #include "../shared/runge_kutta.h"
 
-enum { ARM, CONTROLLER, CHANNEL, OPERATOR, ENVIRONMENT, SERIES };
+enum { ARM, CONTROLLER, CHANNEL, OPERATOR, ENVIRONMENT, ARM_CONTROLLER, PACKET_CHANNEL, SERIAL_ARM, SERIES };
 
-/* A model: its variables by their value references, their start values, and the vectors (of three) that the store holds
+/* A model: its variables by their value references, their start values, and the vectors that the store holds
  * of them. */
 static const struct {
     const char *name;
     int64_t n_values;
     const double *start;
     const char *held;
-} models[] = {{"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip"},
-              {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
-              {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
-              {"Operator", Operator_VALUES, Operator_START, "f"},
-              {"Environment", Environment_VALUES, Environment_START, "f"},
-              {NULL, 0, NULL, NULL}};
+} models[] = {
+    {"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip"},
+    {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
+    {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
+    {"Operator", Operator_VALUES, Operator_START, "f"},
+    {"Environment", Environment_VALUES, Environment_START, "f"},
+    {"ArmController", ArmController_VALUES, ArmController_START, "f tau"},
+    {"PacketChannel", PacketChannel_VALUES, PacketChannel_START, "y"},
+    {"SerialArm", SerialArm_VALUES, SerialArm_START, "q_link dq_link x_tip dx_tip tau_motor f_contact saturated"},
+    {NULL, 0, NULL, NULL}};
 
 /* clang-format off */
 
@@ -61,7 +71,8 @@ static const struct {
     FIELD(double *, history)  /* CHANNEL: [LANES][capacity][n_inputs], wired inputs only, as rows.h has it */ \
     FIELD(double *, stamps)   /* CHANNEL: [capacity] */ \
     FIELD(int64_t, capacity)  /* a power of two, above the longest delay in steps + 4 */ \
-    FIELD(real *, packets)    /* CHANNEL of packets: [3 capacity + 1], see packets.h; NULL: time delays */
+    FIELD(real *, packets)    /* CHANNEL of packets: [3 capacity + 1], see packets.h; NULL: time delays */ \
+    FIELD(void *, serial)     /* SERIAL_ARM: serial_size() bytes */
 
 /* Wired inputs that follow one another, numbered by their value references: `n` from `to` on, held at as many places of the
  * store, or from there along lines through the places `older` and `newer`, `span` seconds apart. */
@@ -76,19 +87,33 @@ LAYOUT(Wire, WIRE)
 LAYOUT_SHOWN(Component, COMPONENT)
 LAYOUT_SHOWN(Wire, WIRE)
 
-enum { CHANNEL_ROW = 8 }; /* six inputs, in fours */
+enum { CHANNEL_ROW = 12 }; /* inputs of a channel at most, in fours */
 
-/* A component at work, in all lanes. */
+/* A channel's inputs come first among its variables, and its outputs show them in their order. */
+#define FIRST_INPUT(model, member) (offsetof(model, member) == 0)
+typedef char inputs_come_first[FIRST_INPUT(VariableDelayChannelModel, u) &&
+                                       offsetof(VariableDelayChannelModel, v) == 3 * sizeof(real) &&
+                                       FIRST_INPUT(PacketChannelModel, u)
+                                   ? 1
+                                   : -1];
+
+typedef struct SerialPart SerialPart; /* serial_arm.h */
+
+/* A component at work, in all lanes. What is large stands elsewhere, so that the others lie close together. */
 typedef struct {
+    real *values;       /* the variables of its model by their numbers */
+    SerialPart *serial; /* SERIAL_ARM */
     union {
         PhantomArmModel arm;
         PLikeControllerModel controller;
         VariableDelayChannelModel channel;
+        PacketChannelModel packets;
+        ArmControllerModel arm_controller;
         OperatorModel operator_;
         EnvironmentModel environment;
     } model;
-    real from[PhantomArm_INPUTS], slopes[PhantomArm_INPUTS]; /* ARM: of its inputs along lines */
-    const Wire *lines;                                       /* ARM, OPERATOR: [n_lines] */
+    real from[SerialArm_INPUTS], slopes[SerialArm_INPUTS]; /* arms: of its inputs along lines */
+    const Wire *lines;                                     /* ARM, OPERATOR: [n_lines] */
     int64_t n_lines;
     double moved;     /* ARM: s, how far along */
     double begun;     /* ARM, OPERATOR: s, time of the communication point */
@@ -97,9 +122,10 @@ typedef struct {
     Joint joints[3];  /* ARM: its parameters, joint by joint */
     double sine_at;   /* OPERATOR: s, time of the last of its reference's sines */
     real sine, ahead; /* OPERATOR: it; where all lanes have the same, further sines that they computed side by side */
-    EnvironmentNormal normal; /* ENVIRONMENT: of its wall */
-    ArmPose pose;             /* ARM: of the state */
-    int64_t head;             /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
+    EnvironmentNormal normal;      /* ENVIRONMENT: of its wall */
+    ArmPose pose;                  /* ARM: of the state */
+    real semantics, interpolation; /* CHANNEL */
+    int64_t head;                  /* CHANNEL: samples entered; record k stands in slot k & (capacity - 1) */
     /* CHANNEL: record that each lane showed, and stamp and inputs of the next one */
     real_bits at;
     real delay, next_stamp, next[CHANNEL_ROW];
@@ -113,9 +139,8 @@ typedef struct {
         following[LANES]; /* if so: the last record sent, and the one sent after that shown (0: none) */
 } Part;
 
-/* The variables of a component's model by their numbers. */
 static inline real *values_of(Part *a) {
-    return (real *)&a->model;
+    return a->values;
 }
 
 /* Number k of each lane's own numbers. */

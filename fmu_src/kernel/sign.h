@@ -25,7 +25,7 @@
 #define SIGN(FIELD) \
     FIELD(double *, power) /* [rows + 1] sums of squares, power[0] = 0 */ \
     FIELD(int64_t, rows)   /* used; the last ones may lie beyond the ceiling and are not */ \
-    FIELD(int64_t, full)   /* whether the ceiling is reached */ \
+    FIELD(int64_t, full)   /* whether the ceiling is reached, or a motor's limit */ \
     FIELD(double, largest_rate) FIELD(double, largest_angle) /* of the run: rad/s, rad */ \
     FIELD(double, rate) FIELD(double, low) FIELD(double, high) /* 1/s, at the last look */ \
     FIELD(int64_t, sign)   /* 0: not decided */

@@ -16,7 +16,7 @@ static inline double clamped(double a, double low, double high) {
 }
 
 /* Turns of a periodic law at time t, in [0, 1). */
-static inline double turn(const Model *m, double t) {
+static inline double delay_turn(const Model *m, double t) {
     const double turns = t / m->delay_period + m->delay_phase / (2 * PI);
     const double part = turns - floor(turns + 1e-12);
     return part < 0 ? 0 : part;
@@ -51,7 +51,7 @@ static inline double delay_at(Model *m, double t) {
     switch ((int)m->law) {
     case LAW_SINUSOIDAL: {
         real sine, cosine; /* of as many equal numbers as there are lanes */
-        sincos_real(real_of(2 * PI * turn(m, t)), &sine, &cosine);
+        sincos_real(real_of(2 * PI * delay_turn(m, t)), &sine, &cosine);
         return m->delay_min + 0.5 * span * (1 + LANE(sine, 0));
     }
     case LAW_UNIFORM:
@@ -63,9 +63,9 @@ static inline double delay_at(Model *m, double t) {
         }
         return between_knots(m, t, m->walk[0], m->walk[1], knot);
     case LAW_SAWTOOTH:
-        return m->delay_min + span * turn(m, t);
+        return m->delay_min + span * delay_turn(m, t);
     case LAW_SQUARE:
-        return turn(m, t) < 0.5 ? m->delay_min : m->delay_max;
+        return delay_turn(m, t) < 0.5 ? m->delay_min : m->delay_max;
     case LAW_RECORDED:
         return m->delay;
     default:

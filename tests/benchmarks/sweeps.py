@@ -147,6 +147,8 @@ KINDS: dict[str, tuple[str, dict[str, object], list[str]]] = {
         {f"channel_*.{k}": v for k, v in LOSSY.items()},
         ["channel_*.seed"],
     ),
+    "two arms of seven joints": ("panda", {}, ["channel_*.delay_mean"]),
+    "PHANToM, arm of seven joints": ("phantom-panda", {}, ["channel_*.delay_mean"]),
 }
 """Kinds of scenarios that the kernel runs: a scenario, values, the path that differs from lane to lane."""
 
@@ -159,7 +161,11 @@ def kernel_against_cosimulation(rounds: int) -> list[tuple[str, float, float, fl
     for kind, (name, values, paths) in KINDS.items():
         base = load_scenario(name).with_values(values | {"experiment.stop": 20.0, "experiment.record_every": 5})
         with open_system(base) as system:
-            start = {"controller_*.stiffness": 0.25 if "contact" not in kind else 150.0, "arm_*.payload": 0.01}
+            start = {
+                "controller_*.stiffness": 0.25 if "contact" not in kind else 150.0,
+                "arm_*.payload": 0.01,
+                "channel_*.delay_mean": 0.05,
+            }
             count = 2 * kernel.lanes()
 
             def lane(k):

@@ -205,15 +205,16 @@ def test_bits_do_not_depend_on_the_width_of_the_lanes(flags, monkeypatch):
     """Other processors get other numbers of lanes (AVX2, SSE2, NEON); the compiler splits them, the arithmetic
     stays.
     """
-    scenarios = settings("sallam-stable", 0.5, {}, {"controller_*.stiffness": 0.5}, {"arm_*.coulomb": 0.01})
-    with open_system(scenarios[0]) as system:
-        wirings = [system.wiring(scenario) for scenario in scenarios]
-        usual = kernel.run_batch(wirings, RECORD)
-        library = ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *flags))))
-        monkeypatch.setattr(kernel, "_library", lambda: kernel.prepared(library))
-        assert kernel.lanes() == int(flags[0].split("=")[1]) if flags else 1
-        for a, b in zip(usual, kernel.run_batch(wirings, RECORD), strict=True):
-            assert all(a.signals[name].tobytes() == b.signals[name].tobytes() for name in a.signals)
+    library = ctypes.CDLL(str(library_path("kernel", ("-O3", "-fno-math-errno", *flags))))
+    lanes = {}, {"controller_*.stiffness": 0.5}, {"arm_*.coulomb": 0.01}
+    for scenarios in (settings("sallam-stable", 0.5, *lanes), settings("phantom-panda", 0.05, *lanes)):
+        with open_system(scenarios[0]) as system, monkeypatch.context() as patched:
+            wirings = [system.wiring(scenario) for scenario in scenarios]
+            usual = kernel.run_batch(wirings, RECORD)
+            patched.setattr(kernel, "_library", lambda: kernel.prepared(library))
+            assert kernel.lanes() == int(flags[0].split("=")[1]) if flags else 1
+            for a, b in zip(usual, kernel.run_batch(wirings, RECORD), strict=True):
+                assert all(a.signals[name].tobytes() == b.signals[name].tobytes() for name in a.signals)
 
 
 REFUSED = {
@@ -300,6 +301,7 @@ SANITIZED = [
     "-fsanitize=address,undefined",
     "-fno-sanitize-recover=all",
     "-O1",
+    "-fno-inline",
     "-g",
     "-Wall",
     "-Wextra",
@@ -365,6 +367,11 @@ with open_system(scenario) as system:
               for k in range(1, 7)]
     wirings = [system.wiring(scenario.with_values(some)) for some in values]
     kernel.run_batch(wirings, ["arm_l.q", "operator.f", "channel_lr.y"], workers=2)
+scenario = load_scenario("phantom-panda").with_values({"experiment.stop": 0.05})
+with open_system(scenario) as system:
+    wirings = [system.wiring(scenario.with_values({"arm_r.payload": 0.1 * k, "arm_r.hysteresis": 0.1 * (k > 2)}))
+               for k in range(5)]
+    kernel.run_batch(wirings, ["arm_r.q", "arm_r.saturated"])
 print("done")
 """,
 }

@@ -1,0 +1,169 @@
+/* Serial arms with rigid joints: how they move within a communication step, and what they show. */
+#ifndef KERNEL_SERIAL_ARM_H
+#define KERNEL_SERIAL_ARM_H
+
+#include "motion.h"
+
+#define APART __attribute__((noinline)) /* large functions, put into the loop of steps, make PHANToMs slower */
+#define PLAIN_SERIAL_EFFECTS (PLAIN_EFFECTS | PLAIN_BIT(torque_saturation))
+#define LIMITED(s) ((s)->effects & PLAIN_BIT(torque_saturation))
+
+/* An arm at a pose: its tip, and the gravity that it compensates. */
+typedef struct {
+    SerialPose pose;
+    SerialTip tip;
+    real weight[SERIAL_MOST];
+} SerialView;
+
+struct SerialPart {
+    SerialArmModel model;
+    SerialView view;                               /* of the states at the communication point */
+    real states[SERIAL_STATE_KINDS * SERIAL_MOST]; /* those that move, without rows that are not used */
+    int64_t kinds;                                 /* how many kinds of states move */
+    uint64_t effects;                              /* bits by JOINT_PLACE of what any joint of any lane has */
+};
+
+static inline void look_at(const SerialArmModel *m, const real *q, int tip, SerialView *view) {
+    const int n = serial_count(m);
+    serial_pose(n, m->kinds, serial_links(m), q, &view->pose);
+    if (tip) serial_tip(n, m->kinds, &view->pose, m->offset, &view->tip);
+    if (m->compensated != 0) serial_nominal_gravity(m, &view->pose, view->weight);
+}
+
+static inline Joint joint_in_lanes(const SerialPart *s, int i) {
+    Joint j = serial_joint(&s->model, i);
+    j.present = s->effects;
+    return j;
+}
+
+/* What the amplifiers deliver (N m). No tip: no force is commanded there. */
+static inline void serial_delivered(const SerialPart *s, const SerialView *view, int tip, const real *dq,
+                                    real *torque) {
+    const SerialArmModel *m = &s->model;
+    serial_command(m, tip ? &view->tip : NULL, torque);
+    serial_add_own_command(m, &view->tip, dq, view->weight, torque);
+    for (int i = 0; i < serial_count(m); i++) {
+        const Joint j = joint_in_lanes(s, i);
+        torque[i] = joint_delivered(&j, torque[i]);
+    }
+}
+
+/* From the amplifiers' torques to those on the links, and the rates of the joints' hysteresis (model.c has the same for an
+ * instance). */
+static inline void serial_effects(const SerialPart *s, double t, const real *x, real *torque, real *k) {
+    const SerialArmModel *m = &s->model;
+    const int n = serial_count(m);
+    const real none = real_of(0.0);
+    real others[SERIAL_MOST];
+    for (int i = 0; i < n; i++) others[i] = none;
+    if (m->coupled != 0) serial_coupling(m, s->effects, x, x + n, others);
+    for (int i = 0; i < n; i++) {
+        const Joint j = joint_in_lanes(s, i);
+        const real z[3] = {x[2 * n + i], x[3 * n + i], x[4 * n + i]}, dq = x[n + i], ideal = torque[i];
+        real *const rates[3] = {k + 2 * n + i, k + 3 * n + i, k + 4 * n + i};
+        const real held = joint_hysteresis_state(&j, z[0], z[1], z[2]);
+        torque[i] = ideal - joint_required(&j, x[i], dq, held, ideal, t) - others[i];
+        for (int kind = 0; kind < 3; kind++) *rates[kind] = none;
+        if (JOINT_HAS(&j, hysteresis)) joint_hysteresis_rates(&j, dq, z, rates);
+    }
+}
+
+APART static void serial_rates(void *system, double offset, const real *at, real *k) {
+    Part *a = system;
+    SerialPart *s = a->serial;
+    SerialArmModel *m = &s->model;
+    const int n = serial_count(m);
+    const real *x = at ? at : s->states;
+    real torque[SERIAL_MOST];
+    SerialView there;
+    const SerialView *view = &s->view;
+    move_inputs(a, offset);
+    const int tip = serial_feels_tip(m);
+    if (at) look_at(m, x, tip, &there), view = &there;
+    serial_delivered(s, view, tip, x + n, torque);
+    if (s->kinds == SERIAL_STATE_KINDS)
+        serial_effects(s, a->begun + offset, x, torque, k);
+    else
+        serial_take_friction(m, x + n, torque);
+    if (tip) serial_add_outside(m, &view->tip, x + n, torque);
+    for (int i = 0; i < n; i++) k[i] = x[n + i];
+    serial_respond(m, &view->pose, x + n, torque, k + n);
+}
+
+static void note_serial_effects(SerialPart *s) {
+    const SerialArmModel *m = &s->model;
+    const int n = serial_count(m);
+    s->effects = 0;
+#define JOINT_FIELD(name) s->effects |= (uint64_t)serial_has(m->name, n) << JOINT_PLACE_##name;
+    JOINT_PARAMETERS(JOINT_FIELD)
+#undef JOINT_FIELD
+    s->kinds = s->effects & ~PLAIN_SERIAL_EFFECTS || m->coupled != 0 ? SERIAL_STATE_KINDS : 2;
+}
+
+/* Where a motor is at its limit. */
+static inline mask serial_saturated(const SerialArmModel *m, const real *torque) {
+    mask at_limit = nowhere();
+    for (int i = 0; i < serial_count(m); i++) {
+        const real limit = m->torque_saturation[i];
+        at_limit = at_limit | ((limit > 0.0) & (real_abs(torque[i]) >= limit));
+    }
+    return at_limit;
+}
+
+/* q_link, dq_link, x_tip, dx_tip, tau_motor, f_contact, saturated, with as many rows of joints as the FMU has. */
+static void show_serial(SerialPart *s, int64_t n_outputs, real *out) {
+    const SerialArmModel *m = &s->model;
+    const int n = serial_count(m), rows = (int)(n_outputs - 10) / 3;
+    const real none = real_of(0.0);
+    real torque[SERIAL_MOST], force[3] = {none, none, none};
+    look_at(m, m->q_link, 1, &s->view);
+    serial_delivered(s, &s->view, 1, m->dq_link, torque);
+    if (m->walled != 0) serial_contact_force(m, &s->view.tip, m->dq_link, force);
+    for (int i = 0; i < rows; i++) {
+        out[i] = m->q_link[i], out[rows + i] = m->dq_link[i];
+        out[2 * rows + 6 + i] = i < n ? torque[i] : none;
+    }
+    serial_velocity(n, &s->view.tip, m->dq_link, out + 2 * rows + 3);
+    for (int k = 0; k < 3; k++) out[2 * rows + k] = s->view.tip.x[k], out[3 * rows + 6 + k] = force[k];
+    out[3 * rows + 9] = LIMITED(s) ? real_of_mask(serial_saturated(m, torque)) : none;
+}
+
+APART static void start_serial(Part *a, const Component *c, real *out) {
+    serial_start(&a->serial->model);
+    serial_keep(&a->serial->model);
+    note_serial_effects(a->serial);
+    show_serial(a->serial, c->n_outputs, out);
+}
+
+/* The states that move, put side by side or back (`home`). */
+static inline void pack_states(SerialPart *s, int home) {
+    const int n = serial_count(&s->model);
+    for (int kind = 0; kind < s->kinds; kind++) {
+        real *const row = SerialArm_STATE(&s->model) + kind * SERIAL_ROOM, *const packed = s->states + kind * n;
+        for (int i = 0; i < n; i++) *(home ? row + i : packed + i) = *(home ? packed + i : row + i);
+    }
+}
+
+APART static void step_serial(Part *a, const Component *c, double time, double size, real *out) {
+    SerialPart *s = a->serial;
+    SerialArmModel *m = &s->model;
+    const int n = serial_count(m);
+    const int64_t steps = (int64_t)LANE(m->internal_steps, 0);
+    a->begun = time;
+    pack_states(s, 0);
+    for (int64_t i = 0; i < steps; i++) {
+        if (i > 0) look_at(m, s->states, 1, &s->view);
+        runge_kutta(serial_rates, a, (int)s->kinds * n, s->states, size * (double)i / (double)steps,
+                    size / (double)steps);
+    }
+    pack_states(s, 1);
+    for (int i = 2 * SERIAL_ROOM; i < s->kinds * SERIAL_ROOM; i++)
+        SerialArm_STATE(m)[i] = joint_hysteresis_limit(SerialArm_STATE(m)[i]);
+    for (int i = n; i < SERIAL_ROOM; i++) /* -0 becomes 0, as where nothing is added to it */
+        m->q_link[i] = m->q_link[i] + 0.0, m->dq_link[i] = m->dq_link[i] + 0.0;
+    serial_stay_inside(m, (int)s->kinds * SERIAL_ROOM);
+    move_inputs(a, size);
+    show_serial(s, c->n_outputs, out);
+}
+
+#endif

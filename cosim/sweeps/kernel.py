@@ -24,8 +24,10 @@ from cosim.engine.native import Arena
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
-from cosim.sweeps.lane import CHANNELS, Feed, LaneSetting
+from cosim.sweeps.lane import CHANNELS, Feed
+from cosim.sweeps.lane_delays import longest
 from cosim.sweeps.lane_layout import LaneLayout, lane_layout
+from cosim.sweeps.lane_setting import LaneSetting
 from cosim.sweeps.memory import ReusedMemory
 from cosim.sweeps.native_kernel import (
     NativeComponent,
@@ -126,7 +128,7 @@ def _runs(
     wirings: Sequence[Wiring], record: Sequence[str], workers: int, ending: _EndOfPairs | None = None
 ) -> list[_LaneRun]:
     layout = lane_layout(wirings[0], tuple(record))
-    settings = [LaneSetting.of(wiring, layout.parts, _FEED) for wiring in wirings]
+    settings = [LaneSetting.of(wiring, layout.parts, FEED) for wiring in wirings]
     batches = _batches(settings)
     tasks = [[settings[i] for i in batch] for batch in batches]
     found = _each(lambda settings: _run_lanes(settings, layout, ending), tasks, workers)
@@ -166,7 +168,8 @@ def _course(values: Sequence[float], steps: int, step_ns: int) -> np.ndarray:
     return delays.reshape(-1, 1)
 
 
-_FEED = Feed(_course)
+FEED = Feed(_course)
+"""What is computed beforehand, for all calls of a process."""
 
 
 def _run_lanes(settings: Sequence[LaneSetting], layout: LaneLayout, ending: _EndOfPairs | None) -> list[_LaneRun]:
@@ -280,8 +283,8 @@ class _Call:
 
     def _give_history(self, native: NativeComponent, i: int) -> None:
         """Room for the samples that the longest delay reaches back to, or for all of the run."""
-        longest = max(setting.parts[i].longest_delay for setting in self.filled)
-        steps = min(int(np.ceil(longest * 1e9 / self.wiring.schedule.step_ns)), self.experiment.steps)
+        reach = max(longest(delays) for delays in self._series(i))
+        steps = min(int(np.ceil(reach * 1e9 / self.wiring.schedule.step_ns)), self.experiment.steps)
         native.capacity = 1 << (steps + 4).bit_length()
         native.history = self.arena.zeros(self.width * _lane_stride(native.capacity, native.n_inputs))
         native.stamps = self.arena.array(np.zeros(native.capacity))

@@ -1,4 +1,4 @@
-"""A scenario as the batch kernel sees it: components, where their outputs lie, start values and series of a lane."""
+"""A scenario as the batch kernel sees it: components, where their outputs lie, what is computed beforehand."""
 
 from __future__ import annotations
 
@@ -39,8 +39,6 @@ without effects measures what is.
 """
 ARMS = ("PhantomArm", "SerialArm")
 CHANNELS = ("VariableDelayChannel", "PacketChannel")
-_OF_ALL_LANES = ("joints", "joint_type", "coupling_on", "coupling_from")
-"""Start values of a serial arm that all lanes of a call have in common."""
 COURSE = (
     *("law", "knots", "seed", "delay_mean", "delay_min", "delay_max", "delay_period", "delay_phase"),
     *("delay_interval", "delay_step", "loss_to_bad", "loss_to_good", "loss_good", "loss_bad"),
@@ -56,7 +54,8 @@ _REMEMBERED = 64  # series of a feed
 class LaneComponent:
     """A component: what it is, which of its inputs are wired, start values.
 
-    model: empty for a series, a component that the kernel does not have and whose outputs are computed beforehand.
+    model: empty for a series, a component that the kernel does not have and whose outputs are computed beforehand;
+    inputs: without the delay of a channel, which is known beforehand too.
     """
 
     name: str
@@ -68,7 +67,8 @@ class LaneComponent:
 
     @classmethod
     def of(cls, wiring: Wiring, name: str) -> LaneComponent:
-        model, inputs = wiring.scenario.components[name].model or "", tuple(wiring.inputs(name))
+        model = wiring.scenario.components[name].model or ""
+        inputs = tuple(v for v in wiring.inputs(name) if v != "delay" or model not in CHANNELS)
         return cls(
             name,
             model if model in HELD and not (model in _SERIES_ALONE and not inputs) else "",
@@ -80,11 +80,10 @@ class LaneComponent:
 
     def starting(self, wiring: Wiring) -> LaneComponent:
         """The component with the start values of a wiring of the same structure."""
-        if wiring.starts[self.name] is self.starts:
+        starts, description = wiring.starts[self.name], wiring.descriptions[self.name]
+        if starts is self.starts and description is self.description:
             return self
-        return LaneComponent(
-            self.name, self.model, self.inputs, self.outputs, wiring.starts[self.name], self.description
-        )
+        return LaneComponent(self.name, self.model, self.inputs, self.outputs, starts, description)
 
     @classmethod
     def all(cls, wiring: Wiring) -> tuple[LaneComponent, ...]:
@@ -104,11 +103,6 @@ class LaneComponent:
     def packets(self) -> bool:
         """Whether it is a channel of packets, which are dropped, overtaken or lost."""
         return self.model in CHANNELS and self.choice("semantics") != "time_delay"
-
-    @property
-    def longest_delay(self) -> float:
-        """Of a channel, s."""
-        return self.number("delay_mean" if self.choice("law") == "constant" else "delay_max")
 
     @property
     def loses(self) -> bool:
@@ -178,43 +172,6 @@ class LanePlaces:
         number = {f"{part.name}.{output}": at + i for at, part in zip(first, parts) for output, i in part.computed}
         at = np.array([number.get(name, -1) for name in wiring.signals], dtype=np.int64)
         return cls(tuple(first), counts, number, at, count)
-
-
-@frozen
-class LaneSetting:
-    """A lane: a wiring, its parts, and for each part its series."""
-
-    wiring: Wiring
-    parts: tuple[LaneComponent, ...]
-    series: tuple[np.ndarray | None, ...] = field(eq=False)
-
-    @classmethod
-    def of(cls, wiring: Wiring, alike: Sequence[LaneComponent], feed: Feed) -> LaneSetting:
-        """The lane of a wiring whose components are `alike` but for their start values."""
-        parts = tuple(part.starting(wiring) for part in alike)
-        return cls(wiring, parts, tuple(_series(wiring, part, feed) for part in parts))
-
-    @property
-    def shared(self) -> tuple[object, ...]:
-        """What all lanes of a call must have in common: internal steps, which channels delay packets, which joints
-        serial arms have.
-        """
-        steps = (p.number("internal_steps") for p in self.parts if "internal_steps" in p.description.variables)
-        joints = (p.number(v) for p in self.parts if p.model == "SerialArm" for v in p.elements(_OF_ALL_LANES))
-        return *steps, *(p.packets for p in self.parts), *joints
-
-
-def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | None:
-    """(rows, columns): the outputs of a series, or the delay of a channel, infinite where it loses the sample; one row
-    where they do not change.
-    """
-    if not part.model:
-        return feed.values(wiring, part, part.outputs)
-    if part.model not in CHANNELS:
-        return None
-    if part.choice("law") == "constant" and not part.loses:
-        return np.array([[part.number("delay_mean")]])
-    return feed.course(wiring, part)
 
 
 Course = Callable[[Sequence[float], int, int], np.ndarray]

@@ -71,10 +71,12 @@ class LaneLayout:
     def _wired(self, o: SetInputs, lie: Callable[[np.ndarray], np.ndarray]) -> NativeAct:
         """The wires of a component, held ones first; `lie` gives the kernel's places."""
         part = self.parts[o.component]
-        to, source = part.places(part.inputs), lie(o.source).tolist()
+        ports = self.wiring.inputs(part.name)
+        to, source = dict(zip(part.inputs, part.places(part.inputs))), lie(o.source).tolist()
         lines = dict(zip(o.line.tolist(), zip(lie(o.newer).tolist(), lie(o.older).tolist(), o.span.tolist())))
-        held = _runs([(to[i], source[i], source[i], source[i], 1.0) for i in range(len(to)) if i not in lines])
-        wires = [*held, *_runs([(to[i], source[i], *line) for i, line in lines.items()])]
+        known = [(i, to[name]) for i, name in enumerate(ports) if name in to]
+        held = _runs([(at, source[i], source[i], source[i], 1.0) for i, at in known if i not in lines])
+        wires = [*held, *_runs([(at, source[i], *lines[i]) for i, at in known if i in lines])]
         array = self.arena.structures((NativeWire * len(wires))(*wires))
         return NativeAct(component=o.component, wires=array, n_held=len(held), n_wires=len(wires))
 

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 from attrs import frozen
 
+from cosim.errors import RunError
 from cosim.signals import stem
-from cosim.sweeps.lane import LaneComponent, LanePlaces
+from cosim.sweeps.lane import CHANNELS, LaneComponent, LanePlaces
 from cosim.sweeps.lane_arms import unfit_phantom, unfit_serial
+from cosim.sweeps.lane_delays import delays_of
 from cosim.wiring import Wiring
 from cosim.wiring.structure import of_structure
 
@@ -81,6 +83,8 @@ def _unfit(part: LaneComponent, wiring: Wiring) -> str | None:
         return f"it has more than {_MOST_OUTPUTS} outputs" if len(part.outputs) > _MOST_OUTPUTS else None
     if part.packets and wiring.schedule.step_ns < _LEAST_STEP:
         return f"its packets may arrive within a nanosecond of two steps of {wiring.schedule.step_ns} ns"
+    if part.model in CHANNELS and part.choice("law") == "recorded" and (reason := _unfit_trace(part, wiring)):
+        return reason
     return _UNFIT.get(part.model, _fit)(part)
 
 
@@ -88,15 +92,26 @@ def _fit(part: LaneComponent) -> str | None:
     return None
 
 
+def _unfit_trace(part: LaneComponent, wiring: Wiring) -> str | None:
+    """Of a channel whose delay is an input: it must be known beforehand, and one that a channel takes."""
+    for link in wiring.links:
+        source = LaneComponent.of(wiring, link.source.component) if str(link.target) == f"{part.name}.delay" else None
+        if source is not None and (source.model or source.inputs):
+            return f"its delay comes from {link.source}, which is not known beforehand"
+    from cosim.sweeps.kernel import FEED
+
+    try:
+        delays_of(wiring, part, FEED)
+    except RunError as error:
+        return error.message
+    return None
+
+
 def _unfit_channel(part: LaneComponent) -> str | None:
-    if "delay" in part.inputs:
-        return "its input delay is wired"
-    if part.choice("law") == "recorded":
-        return "its delay is recorded"
     if part.loses and not part.packets:
         return "it loses samples of a plain time delay"
     low, high = part.number("delay_min"), part.number("delay_max")
-    if part.choice("law") != "constant" and high < low:
+    if part.choice("law") not in ("constant", "recorded") and high < low:
         return "its delay_max is below its delay_min"
     if part.choice("law") == "random_walk" and part.number("delay_step") > high - low:
         return "its delay_step is longer than its delays"

@@ -96,6 +96,19 @@ def test_every_law_of_delay_and_both_interpolations():
     )
 
 
+@pytest.mark.parametrize("extrapolation", ["linear", "hold"])
+def test_recorded_delays(extrapolation):
+    """Of traces of their own, some of which lose packets or let them overtake each other, before and behind them."""
+    packets = {"channel_*.semantics": "newest_packet", "channel_*.loss_good": 0.1}
+    order = ["operator", "arm_l", "arm_r", "controller_l", "controller_r", "channel_lr", "trace", "channel_rl"]
+    for fixed in ({"experiment.algorithm": "jacobi"}, {"experiment.order": order}):
+        fixed |= {"experiment.extrapolation": extrapolation}
+        lanes = [fixed | {"trace.scale": scale} for scale in (1.0, 0.2)]
+        lanes += [fixed | packets, fixed | {"channel_lr.law": "constant", "channel_lr.delay_mean": 0.1}]
+        found = check(settings("recorded-delay", 1.0, *lanes))
+    assert len({result.signals["channel_lr.y[1]"].tobytes() for result in found}) == 4
+
+
 def test_every_delay_that_the_channel_takes():
     """Nearly as long as the channel's buffer, which still fills up; longer than the run, which does not fill it."""
     common = {"channel_*.law": "constant", "experiment.record_every": 50}
@@ -272,6 +285,10 @@ def test_refuses_loops_that_it_does_not_compute():
         assert "feels what is wired into it" in lane_refusal(system.wiring(load_scenario("inverse-dynamics")), [])
     with open_system(load_scenario("sallam-stable")) as system:
         wiring = system.wiring(load_scenario("sallam-stable"))
+        below = load_scenario("recorded-delay").with_values({"trace.scale": -1.0})
+        with open_system(below) as traced:
+            found = lane_refusal(traced.wiring(below), [])
+        assert found is not None and found.startswith("channel_lr: delay = -0.")
         assert lane_refusal(wiring, ["channel_lr.age"]) == (
             "channel_lr.age is to be recorded, which the kernel does not compute"
         )

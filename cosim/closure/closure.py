@@ -19,7 +19,7 @@ from cosim.closure.score.checks import incomplete, unseparated
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
 from cosim.closure.score.search import MOST, EffectSearch, resettled, search
-from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, judge
+from cosim.closure.verdict import Answer, ClosureVerdict, NamedEffect, closest, judge
 from cosim.effects import Effect, library
 from cosim.effects.constants import HALF
 from cosim.errors import InputError, Problem
@@ -125,7 +125,7 @@ def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | 
 def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdict, options: Options) -> Closure:
     """The closure of a verdict. Here the rows of the report are looked at, for the first time and once."""
     before = evolve(found.before, tangents=False)
-    verdict = _no_worse(verdict, before)
+    verdict = _no_worse(verdict, before, options.effects)
     table = _carried(recording, verdict, options) if options.replayed else None
     if table is not None and table.taken:
         from cosim.closure.table import with_table
@@ -148,9 +148,10 @@ def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdic
     return _replayed(closure, options) if options.replayed else closure
 
 
-def _no_worse(verdict: ClosureVerdict, before: Model) -> ClosureVerdict:
+def _no_worse(verdict: ClosureVerdict, before: Model, effects: Sequence[Effect]) -> ClosureVerdict:
     """The verdict without what the rows of the report contradict: a smooth correction that makes them worse, names that
-    make them no better, names on a model that explains less than half of the torque.
+    make them no better, names on a model that explains less than half of the torque. What the fitted rows show in the
+    place of such names is told without a name.
     """
     model, best = verdict.models()
     if _worse(torque_error(model, best), {x.joint for x in verdict.leftovers}):
@@ -166,9 +167,12 @@ def _no_worse(verdict: ClosureVerdict, before: Model) -> ClosureVerdict:
     if not text:
         return verdict
     answer = Answer.UNEXPLAINED if poor or new or verdict.leftovers or incomplete(before) else Answer.COMPLETE
+    alone = joints - {x.joint for x in verdict.leftovers}
+    left = () if poor else closest(before, tuple(sorted(alone)), effects)
     return evolve(
         verdict,
         answer=answer,
+        leftovers=(*verdict.leftovers, *left),
         findings=() if poor else tuple(f for f in verdict.findings if f.earlier),
         withdrawn=(*verdict.withdrawn, *((f.choice, text) for f in (verdict.findings if poor else new))),
         model=before,

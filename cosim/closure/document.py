@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.closure.closure import Closure
 from cosim.closure.score.naming import Leftover
-from cosim.closure.verdict import LISTED, Answer, NamedEffect
+from cosim.closure.verdict import Answer, NamedEffect
 from cosim.measured import Label
 
 if TYPE_CHECKING:
@@ -59,7 +59,6 @@ def _finding(found: NamedEffect) -> dict[str, Any]:
             "equation": found.effect.equation,
             "source": found.effect.source,
             "earlier_pass": found.earlier,
-            "also_close": [name for name in found.alike if name not in found.aliases],
             "rivals": [
                 {
                     "name": r.choice.effect.name,
@@ -91,7 +90,7 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
         signals = list(dict.fromkeys(s for leftover in found[:2] for s in leftover.signals))
         table = closure.table if joint == 0 else None
         carried = table if table is not None and table.taken else None
-        tests = [f"{e.name}: the arm's equations of motion (its URDF)" for e in found[0].laws[:LISTED]]
+        tests = [f"{e.name}: the arm's equations of motion (its URDF)" for e in found[0].laws]
         out.append(
             {
                 "name": "unknown",
@@ -101,14 +100,13 @@ def _unknown(closure: Closure) -> list[dict[str, Any]]:
                 "parameters": {str(label): value for label, value in carried.parameters.items()} if carried else {},
                 "interval": {str(label): list(pair) for label, pair in carried.interval.items()} if carried else {},
                 "signals": signals,
-                "indistinguishable_from": [e.name for e in found[0].laws[:LISTED]],
+                "indistinguishable_from": [e.name for e in found[0].laws],
                 "or_signals": [list(f.signals) for f in found[0].others],
                 "separated_by": "; ".join((*tests, found[0].family.separated_by)),
                 "evidence": {
                     "sure": found[0].sure,
                     "nats": found[0].nats,
                     "share_of_torque": found[0].share,
-                    "also_close": [e.name for e in found[0].laws[LISTED:]],
                     "stretches_left_out": None if table is None else _stretches(table),
                     "depends_on": [{"signals": list(x.signals), "form": x.family.title, "nats": x.nats} for x in found],
                 },
@@ -258,8 +256,10 @@ def sentence(closure: Closure) -> str:
         return f"model_complete: no effect is missing that this data can show{beside}. {held}"
     left = "; ".join(dict.fromkeys(map(_left, verdict.leftovers[:3])))
     if verdict.answer is Answer.UNEXPLAINED:
-        left = left or next((f"{c.effect.name} was withdrawn: {why}" for c, why in verdict.withdrawn), "")
-        left = left or next((f"{e.run}, {e.time:.3f} s: {e.kind}" for e in verdict.events), "")
+        gone = next((f"{c.effect.name} was withdrawn: {why}" for c, why in verdict.withdrawn), "")
+        left = "; ".join(filter(None, (left, gone))) or next(
+            (f"{e.run}, {e.time:.3f} s: {e.kind}" for e in verdict.events), ""
+        )
         text = f"unexplained: something is missing without a name{f' ({left})' if left else ''}{beside}. {held}"
         return text + _carried(closure)
     rest = f" Something else is left without a name ({left}).{_carried(closure)}" if left else ""
@@ -276,7 +276,7 @@ def _carried(closure: Closure) -> str:
 
 def _left(leftover: Leftover) -> str:
     signals = " and ".join(leftover.signals)
-    others = [*(f.title for f in leftover.others), *(e.name for e in leftover.laws[:LISTED])]
+    others = [*(f.title for f in leftover.others), *(e.name for e in leftover.laws)]
     alike = f", not told from {' or '.join(others)}" if others else ""
     if leftover.sure:
         words = leftover.family.words

@@ -20,7 +20,6 @@ from cosim.effects.constants import SAME
 from cosim.effects.motion import Joints
 from cosim.measured import Label
 
-LISTED = 2  # alternatives named beside an effect; more stand in its evidence
 KINDS = {"rad": "q", "m": "q", "rad/s": "dq", "m/s": "dq", "N.m": "tau", "N": "tau"}  # further signals, by unit
 SKEW = 0.3
 """Samples: RMS error of the sampling skew, 0, 1/2 or 1, on rigs. A wall of stiffness k [N/m] shows d [s] of it as a
@@ -95,10 +94,8 @@ class NamedEffect:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """The first `LISTED` of them; `unknown` is the last where something without a name may stand behind this
-        one.
-        """
-        return (*self.alike[: LISTED - 1], "unknown") if self.doubts else self.alike[:LISTED]
+        """`alike`, and `unknown` as the last where something without a name may stand behind this one."""
+        return (*self.alike, *(("unknown",) if self.doubts else ()))
 
     @property
     def separated_by(self) -> str:
@@ -151,7 +148,7 @@ def judge(
     )
     moments = events(model)
     bare = {j: why for j, why in incomplete(model).items() if j not in {x.joint for x in left}}
-    left = tuple(evolve(x, laws=_unseen(model, x, effects)) for x in (*left, *_closest(model, bare)))
+    left = (*(_with_unseen(model, x, effects) for x in left), *closest(model, tuple(bare), effects))
     doubts = bare | {e.joint: e.kind for e in moments}
     findings = tuple(
         evolve(f, doubts=(*f.doubts, *(why for j, why in doubts.items() if f.acting == (j,)))) for f in findings
@@ -164,9 +161,9 @@ def judge(
     return ClosureVerdict(answer, findings, found.withdrawn, left, moments, plain, best)
 
 
-def _unseen(model: Model, left: Leftover, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Effects that the device cannot test and whose torque depends on nothing else than what is left may depend on,
-    those that depend on fewest signals first.
+def _with_unseen(model: Model, left: Leftover, effects: Sequence[Effect]) -> Leftover:
+    """With the effects that the device cannot test and whose torque depends on nothing else than what is left may
+    depend on, those that depend on fewest signals first.
     """
     units = model.scene.units
     every = [
@@ -174,13 +171,16 @@ def _unseen(model: Model, left: Leftover, effects: Sequence[Effect]) -> tuple[Ef
         for family in (left.family, *left.others)
     ]
     found = [e for e in effects if any(kinds <= set(e.unseen(model.scene)) for kinds in every)]
-    return tuple(sorted(found, key=lambda e: len(e.unseen(model.scene))))
+    return evolve(left, laws=tuple(sorted(found, key=lambda e: len(e.unseen(model.scene)))))
 
 
-def _closest(model: Model, joints: dict[int, str]) -> tuple[Leftover, ...]:
-    """Where only the size of a residual shows that something is missing: the family that comes closest."""
-    place = best_families(model, tuple(joints), need=False) if joints else {}
-    return tuple(fitted.leftover(model, sure=False) for fitted in place.values())
+def closest(model: Model, joints: Joints, effects: Sequence[Effect]) -> tuple[Leftover, ...]:
+    """Where something is missing that has no name: the family of each joint that comes closest, with the effects that
+    the device cannot test.
+    """
+    place = best_families(model, joints, need=False) if joints else {}
+    left = (fitted.leftover(model, sure=False) for fitted in place.values())
+    return tuple(_with_unseen(model, x, effects) for x in left)
 
 
 def _finding(

@@ -3,7 +3,7 @@ and which other effects look like it.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -131,6 +131,19 @@ class Effect(ABC):
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         """theta with one parameter moved by a step: a factor of (1 + step) for positive parameters."""
         return (*theta[:index], theta[index] * (1 + step), *theta[index + 1 :])
+
+    def near(self, scene: Scene, theta: Theta) -> Callable[[Sequence[float]], Theta]:
+        """theta as a function of steps of its continuous parameters, along which a search for the best finds its way:
+        each moved by itself, unless a law has better coordinates.
+        """
+
+        def at(steps: Sequence[float]) -> Theta:
+            out = theta
+            for index, step in zip(self.continuous(theta), steps, strict=True):
+                out = self.moved(out, index, float(step))
+            return out
+
+        return at
 
     def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         """FMU parameters of an estimate."""

@@ -1,7 +1,7 @@
 """Effects of time and of the outside: friction drift, undeclared contact, coupling between joints."""
 
 from abc import abstractmethod
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -13,6 +13,9 @@ from cosim.effects.scene import Scene
 from cosim.measured.label import Label
 
 DAMPED = 0.15  # of a wall's spring force: a smaller damping is indistinguishable from none, whatever its sign
+SPEEDS = ("rad/s", "m/s")
+MOTIONS = (*SPEEDS, "rad", "m")  # units of the motion of another joint
+LEAD = 0.04  # s, of a step of what a wall pushes ahead of its touch
 LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
 
 
@@ -35,10 +38,6 @@ class FrictionDrift(Effect):
     form: float = 0.12
     aliases: tuple[Alias, ...] = ()
     needs = "repeats of the same motion at different times"
-
-    def untestable(self, scene: Scene, joints: Joints) -> str:
-        train = scene.motion.time[~scene.motion.test]
-        return "" if np.ptp(train) >= 8.0 else "less than eight seconds of fitted recording"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         return tuple((float(share * np.ptp(scene.motion.time)),) for share in (1.0, LASTING, 2.0, 0.5, 0.2, 0.08))
@@ -144,9 +143,26 @@ class ExternalContact(UnilateralSpring):
         if index == 3:
             return (*theta[:3], theta[3] + 0.04 * step, theta[4])
         if index == 4:
-            return (*theta[:4], max(theta[4] + 0.04 * step, 0.0))
+            return (*theta[:4], max(theta[4] + LEAD * step, 0.0))
         n[index] += step
         return (*map(float, n / max(np.linalg.norm(n), 1e-9)), *theta[3:])
+
+    def near(self, scene: Scene, theta: Theta) -> Callable[[Sequence[float]], Theta]:
+        """The wall turns about where it is touched, and moves by parts of the tip's way: about the far base, each small
+        turn would take it away from the arm.
+        """
+        tip, normal = _arm(scene).tip, np.array(theta[:3])
+        deep = tip @ normal - theta[3]
+        touched = tip[deep >= min(0.0, float(deep.max()))].mean(axis=0)
+        size = float(np.sqrt(tip.var(axis=0).sum()))
+
+        def at(steps: Sequence[float]) -> Theta:
+            turned = normal + steps[:3]
+            turned /= max(np.linalg.norm(turned), 1e-9)
+            distance = theta[3] + (turned - normal) @ touched + size * steps[3]
+            return (*map(float, turned), float(distance), max(theta[4] + LEAD * steps[4], 0.0))
+
+        return at
 
     def depth(self, scene: Scene, joints: Joints, theta: Theta) -> np.ndarray:
         return _arm(scene).tip @ np.array(theta[:3]) - theta[3]
@@ -202,7 +218,7 @@ class JointStop(UnilateralSpring):
 
     def moved(self, theta: Theta, index: int, step: float) -> Theta:
         side, angle, lead = theta
-        return (side, angle + 0.2 * step, lead) if index == 1 else (side, angle, max(lead + 0.04 * step, 0.0))
+        return (side, angle + 0.2 * step, lead) if index == 1 else (side, angle, max(lead + LEAD * step, 0.0))
 
     def depth(self, scene: Scene, joints: Joints, theta: Theta) -> np.ndarray:
         side, angle, _ = theta
@@ -248,11 +264,14 @@ class JointCoupling(Effect):
         0.02,
         0.1,
     )  # of the other joint's top speed, over which the coupled Coulomb friction turns, to start from
-    SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded signal may follow
+    SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded speed may follow
+    ANGLE = "q_other"  # of a spring beside a recorded angle
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         if scene.joints == 1:
-            return tuple((-1.0 - k, float(v)) for k in range(len(_speeds(scene))) for v in range(len(self.SHARED)))
+            return tuple(
+                (-1.0 - k, float(v)) for k, name in enumerate(_motions(scene)) for v in self._beside(scene, name)
+            )
         others = [j for j in range(scene.joints) if j != joints[0]]
         shapes = [
             (k, w)
@@ -270,22 +289,29 @@ class JointCoupling(Effect):
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         if theta[0] < 0:
-            return {joints[0]: self._beside(scene, int(-theta[0] - 1), self.SHARED[int(theta[1])])}
+            return {joints[0]: self._from_recorded(scene, _motions(scene)[int(-theta[0] - 1)], int(theta[1]))}
         j, shape = int(theta[0]), self.SHAPES[int(theta[1])]
         dq, q = scene.motion.dq[:, [j]], scene.motion.q[:, [j]]
         s = dq / np.sqrt(dq**2 + max(theta[2], 1e-12) ** 2)
         parts = {"viscous": (dq,), "coulomb": (s,), "both": (dq, s), "spring": (q,)}[shape]
         return {joints[0]: np.concatenate(parts, axis=1)}
 
-    def _beside(self, scene: Scene, number: int, shape: str) -> np.ndarray:
-        """Viscous and Coulomb columns of the speed of a recorded signal, or of its sum or difference with the joint's
-        own.
+    def _beside(self, scene: Scene, name: str) -> range:
+        """Shapes that a coupling from a recorded signal may have: of its angle the last, of its speed the others."""
+        first, last = len(self.SHARED), len(self.SHARED) + 1
+        return range(first) if scene.units[name] in SPEEDS else range(first, last)
+
+    def _from_recorded(self, scene: Scene, name: str, shape: int) -> np.ndarray:
+        """The angle of a recorded signal, or viscous and Coulomb columns of its speed, or of its sum or difference with
+        the joint's own.
 
         A motor that drives two joints (TX40: q_m6 = 32 q6 + 32 q5) has its friction on the sum.
         """
         m = scene.motion
-        other = m.smooth(m.other[_speeds(scene)[number]][:, None])
-        speed = {"dq_other": other, "dq + dq_other": m.dq + other, "dq - dq_other": m.dq - other}[shape]
+        other = m.smooth(m.other[name][:, None])
+        if shape == len(self.SHARED):
+            return other
+        speed = (other, m.dq + other, m.dq - other)[shape]
         width = 0.02 * np.percentile(np.abs(speed), 99)
         return np.concatenate([speed, speed / np.sqrt(speed**2 + max(width, 1e-12) ** 2)], axis=1)
 
@@ -293,8 +319,9 @@ class JointCoupling(Effect):
         """Of the coupling with the number of its pair of joints (`pair_number`)."""
         theta, beta = estimate.theta, map(float, estimate.beta)
         if theta[0] < 0:
-            speed = self.SHARED[int(theta[1])]
-            return dict(zip((Label(f"coupling_{n} of {speed}") for n in ("viscous", "coulomb")), beta, strict=True))
+            of, names = (*self.SHARED, self.ANGLE)[int(theta[1])], ("viscous", "coulomb")
+            names = ("stiffness",) if of == self.ANGLE else names
+            return dict(zip((Label(f"coupling_{n} of {of}") for n in names), beta, strict=True))
         shape = self.SHAPES[int(theta[1])]
         k = pair_number(estimate.scene.joints, estimate.joints[0], int(theta[0]))
         names = {"both": ("viscous", "coulomb"), "spring": ("stiffness",)}.get(shape, (shape,))
@@ -302,7 +329,7 @@ class JointCoupling(Effect):
         return values | ({Label("coupling_velocity", k): theta[2]} if self.continuous(theta) else {})
 
     def untestable(self, scene: Scene, joints: Joints) -> str:
-        return "" if self.grid(scene, joints) else "no speed of another joint recorded"
+        return "" if self.grid(scene, joints) else "no motion of another joint recorded"
 
 
 def pair_number(joints: int, on: int, other: int) -> int:
@@ -316,6 +343,6 @@ def pair_of(joints: int, number: int) -> tuple[int, int]:
     return on, other + (other >= on)
 
 
-def _speeds(scene: Scene) -> list[str]:
-    """Recorded signals beside a single joint that are speeds."""
-    return sorted(name for name, unit in scene.units.items() if unit in ("rad/s", "m/s") and name in scene.motion.other)
+def _motions(scene: Scene) -> list[str]:
+    """Recorded signals beside a single joint that are speeds or angles."""
+    return sorted(name for name, unit in scene.units.items() if unit in MOTIONS and name in scene.motion.other)

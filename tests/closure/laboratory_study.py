@@ -8,6 +8,7 @@ import json
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -80,7 +81,7 @@ def family_is_right(truth: dict, answer: dict) -> bool:
     """Whether what is left without a name, or a law that may as well be a nameless function, is on a joint of the
     phenomenon and depends on its own signals, or is said not to be told from what does.
     """
-    wanted = alone({plain(word) for word in truth["depends_on"]})
+    wanted = wanted_of(truth)
     return any(
         alone(found) == wanted
         for effect in answer["effects"]
@@ -92,17 +93,24 @@ def family_is_right(truth: dict, answer: dict) -> bool:
 
 def all_is_told(truth: dict, answer: dict) -> bool:
     """Whether the effects on the joints of the phenomena depend, taken together, on the signals of all of them."""
-    wanted = alone({plain(word) for word in truth["depends_on"]})
+    wanted = wanted_of(truth)
     mine = [signals(e) for e in answer["effects"] if set(e["joints"]) & set(truth["joints"])]
     return any(alone(set().union(*each)) == wanted for each in product(*mine))
 
 
+def wanted_of(truth: dict) -> set[str]:
+    """On what the phenomena of a laboratory depend; a twist of the gear on load and history."""
+    words = truth["depends_on"]
+    return alone({plain(w) for word in words for w in (("history", "torque") if word == "twist" else (word,))})
+
+
 def signals(effect: dict) -> list[set[str]]:
     """What an effect of the answer depends on; of one without a name also what it is not told from."""
+    own = effect["joints"]
     if effect["name"] == "unknown":
-        return [{plain(s) for s in some} for some in (effect["signals"], *effect["or_signals"])]
+        return [{plain(s, own) for s in some} for some in (effect["signals"], *effect["or_signals"])]
     words = effect["family"].removeprefix("a torque that depends on ").replace("history of ", "history_").split(" and ")
-    return [{"history"} if "drive delivers" in effect["family"] else {plain(word) for word in words}]
+    return [{"history"} if "drive delivers" in effect["family"] else {plain(word, own) for word in words}]
 
 
 def alone(found: set[str]) -> set[str]:
@@ -110,15 +118,16 @@ def alone(found: set[str]) -> set[str]:
     return found - {"dq"} if "history" in found else found
 
 
-def plain(word: str) -> str:
-    """A signal of the answer ("q1", "history of q1", "q_j4", a recorded column of joint 4), or a word of a laboratory
-    ("direction", "q of the other joint"), by one name.
+def plain(word: str, own: Sequence[int] = ()) -> str:
+    """A signal of the answer to a joint `own` ("q1", "history of q1", "q2", or "q_j4", "q_2", which are recorded
+    columns), or a word of a laboratory ("direction", "q of the other joint"), by one name.
     """
     if "history" in word or "past" in word:
         return "history"
-    other = " of the other joint" in word or "_j" in word or "_other" in word
-    word = word.removesuffix(" of the other joint").split("_")[0].rstrip("0123456789")
-    return f"other {SIGNALS.get(word, word)}" if other else SIGNALS.get(word, word)
+    name = word.removesuffix(" of the other joint").split("_")[0].rstrip("0123456789")
+    number = word.removeprefix(name)
+    other = "_" in word or "other" in word or (number.isdigit() and bool(own) and int(number) not in own)
+    return f"other {SIGNALS.get(name, name)}" if other else SIGNALS.get(name, name)
 
 
 def bounds(count: int, of: int) -> str:

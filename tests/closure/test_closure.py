@@ -346,6 +346,27 @@ def rippled() -> Recording:
     return still(tau)
 
 
+def test_a_cable_to_a_neighbour_of_which_only_the_angle_is_recorded_is_a_coupling():
+    """Of a single joint; without that angle it would be a function of its own."""
+    random = np.random.default_rng(4)
+    neighbour = 0.6 * np.sin(1.3 * np.arange(0, 20.0, 0.002)) ** 3
+
+    def tau(t, q, dq):
+        own = 0.05 * np.gradient(dq, t) + 0.3 * np.sin(q) + 0.04 * dq + 0.1 * np.tanh(dq / 0.02)
+        return own + 0.08 * neighbour + 0.004 * random.normal(size=len(t))
+
+    columns = {"time": "t", "q": ["q"], "tau": ["tau"], "other": {"q_next": "rad"}}
+    recording = still(tau, columns=columns)
+    run = evolve(recording.runs[0], other={"q_next": neighbour})
+    known = tuple(
+        e for e in BUILT_IN if e.name in ("joint_coupling", "position_torque", "friction_drift", "hysteresis")
+    )
+    (found,) = close_loop(evolve(recording, runs=(run,)), Options(effects=known, replayed=False)).verdict.findings
+    assert (found.name, found.alike) == ("joint_coupling", ())
+    low, high = found.interval[Label("coupling_stiffness of q_other")]
+    assert low < 0.08 < high < 0.085
+
+
 SOME = tuple(
     e for e in BUILT_IN if e.name in ("viscous_asymmetry", "coulomb_asymmetry", "quadratic_drag", "torque_ripple")
 )

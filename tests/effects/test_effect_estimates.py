@@ -26,6 +26,7 @@ RATES = np.array(((0.7, 1.9, 3.1, 4.3), (0.9, 1.6, 2.9, 4.7), (0.8, 2.1, 3.4, 4.
 COULOMB, VISCOUS = np.array((0.025, 0.009, 0.009)), np.array((2e-3, 1.5e-3, 1e-3))
 COUPLED, TURNS = (1e-3, 2e-3), 0.01  # N.m.s/rad and N.m on joint 1 from joint 2, and the speed over which that turns
 STIFFNESS, DAMPING, PLACE = 5.0, 0.05, 0.07  # N/m, N.s/m, m
+NORMAL = np.array((0.3, -0.2, 0.87**0.5))  # of the wall: between the directions that are tried first
 LEVEL, SPEED = 6e-3, 0.15  # N.m, rad/s
 DEAD = 1.8e-3  # N.m
 SLOPE, CONSTANT = 0.02, 30.0  # 1/s, s: T the length of the recording, as the tool takes it
@@ -49,9 +50,9 @@ def coupling(time, q, dq, tau):
 
 
 def wall(time, q, dq, tau):
-    """J' n max(k d + c dd/dt, 0) of a wall before z = PLACE."""
-    along = np.array([oracle.jacobian(x)[2] for x in q])
-    depth, speed = np.array([oracle.position(x)[2] for x in q]) - PLACE, (along * dq).sum(axis=1)
+    """J' n max(k d + c dd/dt, 0) of a wall before n.x = PLACE."""
+    along = np.array([NORMAL @ oracle.jacobian(x) for x in q])
+    depth, speed = np.array([NORMAL @ oracle.position(x) for x in q]) - PLACE, (along * dq).sum(axis=1)
     return along * np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * speed, 0.0), 0.0)[:, None]
 
 
@@ -119,7 +120,12 @@ CASES = {
     "external_contact": (
         wall,
         (0, 1, 2),
-        {"contact_stiffness": STIFFNESS, "contact_damping": DAMPING, "contact_normal[3]": 1.0},
+        {
+            "contact_stiffness": STIFFNESS,
+            "contact_damping": DAMPING,
+            **{f"contact_normal[{k + 1}]": float(x) for k, x in enumerate(NORMAL)},
+            "contact_distance": PLACE,
+        },
     ),
     "friction_drift": (warming, (0,), {"friction_drift[1]": SLOPE, "friction_drift_time[1]": CONSTANT}),
     "torque_deadband": (dead, (2,), {"torque_deadband[3]": DEAD}),
@@ -145,7 +151,7 @@ def test_parameters_are_in_their_intervals(name):
         label = Label.read(parameter)
         low, high = interval[label]
         assert low - 1e-3 * abs(true) <= true <= high + 1e-3 * abs(true), (parameter, values[label], low, high)
-        assert high - low < 0.6 * true, (
+        assert high - low < 0.6 * abs(true), (
             parameter
         )  # the interval says something; a drift's slope is known to a quarter either way
     error = torque_error(before, after)

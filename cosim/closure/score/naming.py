@@ -91,14 +91,15 @@ class FittedFamily:
 
     def leftover(self, beside: Model, sure: bool = True) -> Leftover:
         """What it says of the residual: of the families that blocks do not tell from it the one of fewest of its own
-        signals; the others beside it, but those that only add signals to its.
+        signals; the best one and the others beside it, but those that only add signals to its.
         """
         best = (self.model, self.screened)
         options = (best, *self.close)
         fewer = [o for o in options if set(_family(o[1]).signals) <= set(self.family.signals)]
         model, x = min(fewer, key=lambda option: len(_family(option[1]).signals))  # the best of equally many
         mine = set(_family(x).signals)
-        others = tuple(_family(o) for _, o in options if not mine <= set(_family(o).signals))
+        more = [o for _, o in options if o is self.screened or not mine <= set(_family(o).signals)]
+        others = tuple(_family(o) for o in more if o is not x)
         return Leftover(x.choice, gained(model, beside, x.choice.joints), x.share, sure, others)
 
 

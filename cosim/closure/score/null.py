@@ -5,7 +5,7 @@ the quantile (Gumbel) of the largest of the whole library in a replicate at whic
 within ALPHA. `Screened.clear` holds where a gain passes it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from attrs import evolve
@@ -26,7 +26,7 @@ def screened_laws(model: Model, effects: Sequence[Effect]) -> tuple[list[Screene
     sets = _looked_for(model, effects)
     every = [[screen.of(effect, joints) for effect, joints in sets] for screen in screens(model)]
     untestable = [x for x in every[0] if isinstance(x, Untestable)]
-    found = _best_of([_against_bar([x for x in some if isinstance(x, Screened)]) for some in every])
+    found = _clearer([[x for x in some if isinstance(x, Screened)] for some in every])
     if any(x.clear for x in found):
         return found, untestable
     return [_among_all(x, sets) if x is found[0] else x for x in found], untestable
@@ -38,8 +38,9 @@ def _among_all(x: Screened, sets: Sequence[tuple[Effect, Joints]]) -> Screened:
     """
     if not _counts(x):
         return x
-    screen = x.screen.without(refined(x))
-    again = [screen.of(effect, joints) for effect, joints in sets]
+    best = refined(x)
+    screen = x.screen.without(best)
+    again = [screen.of(*one, best.theta if (one[0].key, one[1]) == best.key else None) for one in sets]
     judged = _against_bar([a for a in again if isinstance(a, Screened)], last=True)
     own = next((a for a in judged if a.choice.key == x.choice.key), None)
     return x if own is None else evolve(x, z=own.z, clear=own.clear)
@@ -71,7 +72,18 @@ def screened_families(model: Model, near: Joints | None = None) -> list[Screened
         if plain and len(c.joints) == 1 and c.joints[0] in joints:
             kinds += [(kind, c.joints[0]) for kind in varied(c.effect, c.joints[0], c.theta, model.beta(number))]
     every = [[x for kind, j in kinds if (x := screen.family(kind, j))] for screen in screens(model)]
-    return _best_of(list(map(_against_bar, every)))
+    return _clearer(every)
+
+
+def _clearer(every: Sequence[list[Screened]]) -> list[Screened]:
+    """Each hypothesis once, against the bars of a plain and a robust screening. Its size is the larger of the two: in
+    the robust one, what few blocks hold is small.
+    """
+    share: dict[Hashable, float] = {}
+    for x in (x for found in every for x in found):
+        share[x.choice.key] = max(x.share, share.get(x.choice.key, 0.0))
+    sized = [[evolve(x, share=share[x.choice.key]) for x in found] for found in every]
+    return _best_of(list(map(_against_bar, sized)))
 
 
 def _best_of(every: Sequence[list[Screened]]) -> list[Screened]:
@@ -120,7 +132,8 @@ def _looked_at_again(x: Screened, bar: float, usual: tuple[float, float]) -> Scr
     effect = x.choice.effect
     if x.clear or not _counts(x) or effect.nameless or np.cbrt(max(x.gain[0], 0.0)) <= (usual[0] + bar * usual[1]) / 2:
         return x
-    again = x.screen.without(refined(x)).of(effect, x.choice.joints)
+    best = refined(x)
+    again = x.screen.without(best).of(effect, x.choice.joints, best.theta)
     if not isinstance(again, Screened):
         return x
     z = float(_standardised(np.cbrt(np.maximum(again.gain, 0))[None], usual)[0, 0])

@@ -50,11 +50,10 @@ def _simplex(screened: Screened, free: tuple[int, ...]) -> ChosenEffect:
 
     screen, choice, effect = screened.screen, screened.choice, screened.choice.effect
     seen: dict[Theta, float] = {choice.theta: float(screened.gain[0])}
+    near = effect.near(screen.model.scene, choice.theta)
 
     def loss(x: np.ndarray) -> float:
-        theta = choice.theta
-        for index, step in zip(free, np.clip(x, -REACH, REACH), strict=True):
-            theta = effect.moved(theta, index, float(step))
+        theta = near(np.clip(x, -REACH, REACH).tolist())
         trial = evolve(choice, theta=theta)
         columns = screen.model.formed_now(trial, screen.model.scene)
         found = screen.added({j: x[screen.fitted] for j, x in columns.items()}, effect)

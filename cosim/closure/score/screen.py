@@ -84,8 +84,10 @@ class Screen(Replicates):
         """Those of the drive."""
         return Delivery(self, self.columns)
 
-    def of(self, effect: Effect, joints: Joints) -> Screened | Untestable:
-        """The best physical value of a law's nonlinear parameters."""
+    def of(self, effect: Effect, joints: Joints, found: Theta | None = None) -> Screened | Untestable:
+        """The best physical value of a law's nonlinear parameters. found: one that was sought beyond its grid, which
+        data and replicates may take as well; the data pay one nat for each parameter that was moved (Akaike 1974).
+        """
         nothing = ChosenEffect(effect, joints)
         if reason := effect.untestable(self.model.scene, joints):
             return Untestable(nothing, reason)
@@ -93,13 +95,13 @@ class Screen(Replicates):
         if not thetas:
             return Untestable(nothing, "this motion has no values of its parameters to try")
         if isinstance(effect, Late):
-            found = self._late(effect, joints, thetas)
+            best = self._late(effect, joints, thetas)
         elif isinstance(effect, Erasing):
-            found = self._erasing(effect, joints, thetas)
+            best = self._erasing(effect, joints, thetas)
         else:
-            found = self._law(effect, joints, thetas)
+            best = self._law(effect, joints, thetas, found)
         reason = "its columns lie within the model already, or no value of them is physical"
-        return found or Untestable(nothing, reason, True)
+        return best or Untestable(nothing, reason, True)
 
     def added(self, columns: Columns, prior: Effect) -> "Added | None":
         """Columns (m, k) of some joints beside the model; None where they lie within it."""
@@ -122,12 +124,12 @@ class Screen(Replicates):
         beta = (vectors[:, keep] / np.sqrt(values[keep])) @ half / size[:, None]
         return Added(self, scaled, within, (half**2).sum(axis=0), beta)
 
-    def _law(self, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:
+    def _law(self, effect: Effect, joints: Joints, thetas: Sequence[Theta], sought: Theta | None) -> Screened | None:
         """Of every replicate the value of most gain, of the data that of the physical ones."""
         best, null = None, np.zeros(self.replicates)
         top, where = np.full(self.replicates, -np.inf), np.zeros(self.replicates, int)
         every: list[tuple[Theta, Added]] = []
-        for theta, columns in self._grid(effect, joints, thetas):
+        for theta, columns in (*self._grid(effect, joints, thetas), *self._beyond(effect, joints, sought)):
             found = self.added(columns, effect)
             if found is None:
                 continue
@@ -143,11 +145,18 @@ class Screen(Replicates):
         for number in np.unique(where):
             chosen = np.flatnonzero(where == number)
             null[chosen] = every[number][1].nats(chosen + 1)
-        gain = best[1].nats(np.array([0]))
+        gain = best[1].nats(np.array([0])) - (best[0] == sought) * len(effect.continuous(best[0]))
         choice = ChosenEffect(effect, joints, best[0])
         return Screened(
             choice, np.r_[gain, np.maximum(null, 0)], best[1].share, self, self.of_noise(choice, float(gain[0]))
         )
+
+    def _beyond(self, effect: Effect, joints: Joints, theta: Theta | None) -> list[tuple[Theta, Columns]]:
+        """Filtered columns of a value that is on no grid, on the fitted rows; none where there is no such value."""
+        if theta is None:
+            return []
+        columns = self.model.formed_now(ChosenEffect(effect, joints, theta), self.model.scene)
+        return [(theta, {j: x[self.fitted] for j, x in columns.items()})]
 
     def without(self, choice: ChosenEffect) -> "Screen":
         """The screen whose replicates are made of what a law leaves, in the place of what the model leaves: where an
@@ -164,8 +173,8 @@ class Screen(Replicates):
         if isinstance(effect, Erasing):
             left[joints[0]] = self.drive.delivered(effect, joints[0], theta, 1)[0][:, 0]
             return left
-        columns = self.model.formed_now(choice, self.model.scene)
-        found = self.added({j: x[self.fitted] for j, x in columns.items()}, effect)
+        ((_, columns),) = self._beyond(effect, joints, theta)
+        found = self.added(columns, effect)
         assert found is not None, "it was screened"
         for j in range(len(left)):
             left[j] -= found.own(np.array([0]), j)[:, 0]

@@ -75,6 +75,7 @@ class PositionTorque(Effect):
         Alias("base_tilt", "a wide range of q1, or the arm turned about the vertical"),
         Alias("encoder_offset", "a wide range of the joint, or a mechanical reference of its zero"),
         Alias("torque_offset", "a wider range of the joint"),
+        Alias("payload", "faster motion: a mass shows in the acceleration too"),
     )
     SHAPES = ((1,), (1, 2), (1, 2, 3), (1, 3), (0, 1), (0, 1, 2), (0, 1, 2, 3), (8, 9))
     NAMES = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from functools import cached_property
 from typing import final
 
@@ -27,7 +27,7 @@ class Scene:
     rigid torque by q_j, dq_j, ddq_j; None where the device has no equations of motion. pi: parameters of an arm, None
     for other devices; declared: whether they are trusted rather than fitted. gravity [m/s^2] is negative for an arm
     that hangs upside down. skew [s]: how late the recorded torque was taken to act because of sampling. units: of
-    further recorded signals.
+    further recorded signals. laws: the friction laws of `sign`.
     """
 
     motion: Motion
@@ -45,6 +45,7 @@ class Scene:
     gravity: float = G
     skew: float = 0.0
     units: Mapping[str, str] = field(factory=dict)
+    laws: Hashable = ()
 
     @property
     def joints(self) -> int:

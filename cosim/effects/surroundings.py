@@ -30,6 +30,7 @@ class FrictionDrift(Effect):
     name = "friction_drift"
     signals: tuple[str, ...] = ("time", "dq")
     of_time = True
+    dynamic = True
     title = "friction that drifts with time"
     equation = "tau += d T (1 - exp(-t / T)) (Coulomb s(dq) + viscous dq); T large: d t"
     source = "Bittencourt, Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134(5)"

@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 import tests.support.arm_oracle as oracle
 from cosim.closure.closure import Options, close_loop
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.families import hats
-from cosim.closure.model.model import complete, with_choices
+from cosim.closure.model.model import complete, with_choices, with_friction
 from cosim.closure.model.motion import prepare, thinned
 from cosim.closure.model.setting import formulate
 from cosim.closure.score.errors import torque_error
@@ -205,3 +206,16 @@ def test_hats_hold_every_straight_line_and_go_straight_on():
     np.testing.assert_allclose(hats(x, knots, straight_on=True) @ (2 * knots + 1), 2 * x + 1, atol=1e-12)
     np.testing.assert_allclose(hats(x, knots) @ (2 * knots + 1), 2 * np.clip(x, -1, 3) + 1, atol=1e-12)
     np.testing.assert_allclose(hats(x, knots).sum(axis=1), 1)
+
+
+def test_columns_follow_the_friction_law_of_their_own_model():
+    """Not that of a model with the same law whose columns were still those of the law before."""
+    recording = recorded(low_speed, 6.0)
+    rows = prepare(recording)
+    choice = ChosenEffect(next(e for e in BUILT_IN if e.name == "position_friction"), (0,), (2.0,))
+    first = with_choices(complete(formulate(recording, rows, thinned(rows))), (choice,))
+    other = with_friction(first, 0, evolve(first.laws[0], width=3 * first.laws[0].width))
+    np.testing.assert_array_equal(other.columns[0][0], first.columns[0][0])  # until it is asked for again
+    again = with_choices(other, (choice,))
+    np.testing.assert_array_equal(again.columns[0][0], again.formed_now(choice, again.scene)[0])
+    assert np.abs(again.columns[0][0] - first.columns[0][0]).max() > 0.01

@@ -118,7 +118,7 @@ class Model:
         scene = scene or self.seen or self.scene
         if choice.effect.dynamic:
             return self.formed_now(choice, scene)
-        key = choice.effect.key, choice.joints, choice.theta, self.laws, tuple(map(self.late, choice.joints))
+        key = choice.effect.key, choice.joints, choice.theta, scene.laws, tuple(map(self.late, choice.joints))
         if key not in self.formed.static:
             self.formed.keep_static(key, self.formed_now(choice, scene))
         return self.formed.static[key]
@@ -343,6 +343,7 @@ class Model:
             declared=s.body.trusted,
             gravity=s.device.gravity,
             units=s.units,
+            laws=self.laws,
         )
         extra = np.zeros_like(rigid)
         for number, choice in enumerate(self.choices):

@@ -9,7 +9,8 @@ its zero by Chandrupatla's method; between two zeros the boundary is checked at 
 until the sagitta of what is left is below the tolerance.
 """
 
-from collections.abc import Generator
+import itertools
+from collections.abc import Generator, Mapping
 
 import numpy as np
 from attrs import field, frozen
@@ -106,10 +107,10 @@ def narrow(
         open_ones = [hunt for hunt in hunts if not hunt.done]
         if not open_ones:
             break
-        values = yield [tuple(float(x) for x in hunt.place()) for hunt in open_ones]
+        values = yield [tuple(float(x) for x in hunt.bracket.along(hunt.next())) for hunt in open_ones]
         for hunt, value in zip(open_ones, values):
             hunt.learn(value)
-    return [hunt.place() for hunt in hunts]
+    return [hunt.bracket.along(hunt.estimate()) for hunt in hunts]
 
 
 class _Hunt:
@@ -127,9 +128,9 @@ class _Hunt:
         small, large = sorted((abs(self.fa), abs(self.fb)))
         self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
 
-    def share(self) -> float:
-        """The next estimate: the secant's at first, then that of the inverse parabola through a, b and c where that
-        is sure to be monotonous, else the middle; kept away from the ends by a hundredth.
+    def estimate(self) -> float:
+        """Where the zero is expected: the secant's at first, then that of the inverse parabola through a, b and c where
+        that is sure to be monotonous, else the middle.
         """
         a, b, c, fa, fb, fc = self.a, self.b, self.c, self.fa, self.fb, self.fc
         share = 0.5 * (a + b)
@@ -139,17 +140,17 @@ class _Hunt:
             reach, rise = (a - b) / (c - b), (fa - fb) / (fc - fb)
             if rise**2 < reach and (1.0 - rise) ** 2 < 1.0 - reach:
                 share = a + (b - a) * fa / (fb - fa) * fc / (fb - fc) + (c - a) * fa / (fc - fa) * fb / (fc - fb)
-        low, high = min(a, b), max(a, b)
-        margin = 0.01 * (high - low)
-        return float(np.clip(share, low + margin, high - margin))
+        return float(np.clip(share, min(a, b), max(a, b)))
 
-    def place(self) -> np.ndarray:
-        """The estimate as a place."""
-        return self.bracket.along(self.share())
+    def next(self) -> float:
+        """Where a value is asked for: the estimate, kept away from the ends by a hundredth so that both close in."""
+        low, high = min(self.a, self.b), max(self.a, self.b)
+        margin = 0.01 * (high - low)
+        return float(np.clip(self.estimate(), low + margin, high - margin))
 
     def learn(self, value: float) -> None:
-        """Take the rate at the estimate; an unknown one (NaN) is taken for stable, so that the hunt ends."""
-        share = self.share()
+        """Take the rate where it was asked for; an unknown one (NaN) is taken for stable, so that the hunt ends."""
+        share = self.next()
         value = value if np.isfinite(value) else -max(abs(self.fa), abs(self.fb))
         smooth = abs(value) <= 0.2 * min(abs(self.fa), abs(self.fb))
         if opposite(self.fa, value):
@@ -157,7 +158,7 @@ class _Hunt:
         else:
             self.c, self.fc = self.a, self.fa
         self.a, self.fa = share, value
-        moved = abs(self.share() - share) * self.length
+        moved = abs(self.estimate() - share) * self.length
         self.done = (smooth and moved < self.tolerance) or abs(self.a - self.b) * self.length < self.tolerance
 
 
@@ -225,12 +226,15 @@ def _bracket(tree: Tree, part: tuple[Node, Node]) -> Bracket:
 
 @frozen
 class _Chord:
-    """A chord of line number `line` of the polylines, and the gradient of the rate in its leaf."""
+    """A chord of line number `line` of the polylines, the gradient of the rate in its leaf, and where the boundary is
+    expected across its middle.
+    """
 
     line: int
     start: np.ndarray = field(eq=False)
     end: np.ndarray = field(eq=False)
     slope: np.ndarray = field(eq=False)
+    expected: np.ndarray = field(eq=False)
 
     @property
     def middle(self) -> np.ndarray:
@@ -243,8 +247,8 @@ class _Chord:
         return float(np.linalg.norm(self.end - self.start))
 
     def step(self, value: float) -> np.ndarray:
-        """Newton step (2,) from the middle, across the chord, at most half its length."""
-        normal = np.array([self.start[1] - self.end[1], self.end[0] - self.start[0]]) / self.length
+        """Newton step (2,) from the expected place, across the chord, at most half its length."""
+        normal = _normal(self.start, self.end)
         slope = float(self.slope @ normal)
         size = np.clip(-value / slope if slope != 0 else self.length, -0.5 * self.length, 0.5 * self.length)
         return size * normal
@@ -260,60 +264,89 @@ def _bent(
     across a chord.
     """
     lines, loose = [[s.start, s.end] for s in segments], []
-    todo = [_Chord(n, s.start, s.end, gradient(tree.lattice, tree.values, s.leaf)) for n, s in enumerate(segments)]
+    slopes = [gradient(tree.lattice, tree.values, segment.leaf) for segment in segments]
+    todo = [(n, segment.start, segment.end) for n, segment in enumerate(segments)]
     for _ in range(5):
-        todo = [chord for chord in todo if chord.length > 2.0 * tolerance and np.all(np.isfinite(chord.slope))]
-        if not todo:
+        near = _neighbours(lines)
+        chords = [_Chord(n, a, b, slopes[n], _expected(a, b, near)) for n, a, b in todo]
+        chords = [chord for chord in chords if chord.length > 2.0 * tolerance and np.all(np.isfinite(chord.slope))]
+        if not chords:
             break
-        vertices, lost = yield from _vertices(todo, tolerance)
+        vertices, lost = yield from _vertices(chords, tolerance)
         loose += lost
-        later = []
-        for chord, vertex in zip(todo, vertices):
+        todo = []
+        for chord, vertex in zip(chords, vertices):
             lines[chord.line].insert(_index(lines[chord.line], chord.end), vertex)
             if np.linalg.norm(vertex - chord.middle) > 2.0 * tolerance:
-                later += [
-                    _Chord(chord.line, chord.start, vertex, chord.slope),
-                    _Chord(chord.line, vertex, chord.end, chord.slope),
-                ]
-        todo = later
+                todo += [(chord.line, chord.start, vertex), (chord.line, vertex, chord.end)]
     return lines, loose
+
+
+def _neighbours(lines: list[list[np.ndarray]]) -> dict[bytes, list[np.ndarray]]:
+    """The vertices next to each vertex of the polylines; lines of leaves side by side have common ends."""
+    near: dict[bytes, list[np.ndarray]] = {}
+    for a, b in (pair for line in lines for pair in itertools.pairwise(line)):
+        near.setdefault(a.tobytes(), []).append(b)
+        near.setdefault(b.tobytes(), []).append(a)
+    return near
+
+
+def _expected(start: np.ndarray, end: np.ndarray, near: Mapping[bytes, list[np.ndarray]]) -> np.ndarray:
+    """Where the boundary (2,) is expected across the middle of a chord: on the cubic through its ends and the vertices
+    next to them, by the length of the chords; at most half the chord's length away.
+    """
+    before, after = ([p for p in near[a.tobytes()] if p is not b][:1] for a, b in ((start, end), (end, start)))
+    points = np.array([*before, start, end, *after])
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    at -= 0.5 * (at[len(before)] + at[len(before) + 1])
+    others = ~np.eye(len(at), dtype=bool)
+    weights = [np.prod(at[other] / (at[other] - x)) for x, other in zip(at, others)]
+    middle, normal, most = 0.5 * (start + end), _normal(start, end), 0.5 * float(np.linalg.norm(end - start))
+    return np.clip(middle + np.clip((weights @ points - middle) @ normal, -most, most) * normal, 0.0, 1.0)
+
+
+def _normal(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Unit vector (2,) across a chord."""
+    across = np.array([start[1] - end[1], end[0] - start[0]])
+    return across / max(float(np.linalg.norm(across)), 1e-300)
 
 
 def _vertices(
     chords: list[_Chord], tolerance: float
 ) -> Generator[Places, list[float], tuple[list[np.ndarray], list[np.ndarray]]]:
-    """The zero across the middle of each chord: one Newton step where that is short, else bracketed and narrowed.
+    """The zero across the middle of each chord: one Newton step from where it is expected where that is short, else
+    bracketed and narrowed.
 
-    Where no other sign is found within half the chord's length the middle itself is returned, and is among the loose
-    places.
+    Where no other sign is found within half the chord's length the expected place itself is returned, and is among the
+    loose places.
     """
-    values = yield [tuple(float(x) for x in chord.middle) for chord in chords]
+    values = yield [tuple(float(x) for x in chord.expected) for chord in chords]
     steps = [chord.step(v) if np.isfinite(v) else np.zeros(2) for chord, v in zip(chords, values)]
-    found = [np.clip(chord.middle + step, 0.0, 1.0) for chord, step in zip(chords, steps)]
+    found = [np.clip(chord.expected + step, 0.0, 1.0) for chord, step in zip(chords, steps)]
     far = [k for k, step in enumerate(steps) if np.linalg.norm(step) > 0.5 * tolerance]
     brackets = yield from _bracketed([(chords[k], values[k], steps[k]) for k in far])
     hits = [bracket for bracket in brackets if bracket is not None]
     zeros = iter((yield from narrow(hits, tolerance)))
     lost = []
     for k, bracket in zip(far, brackets):
-        found[k] = next(zeros) if bracket is not None else chords[k].middle
-        lost += [] if bracket is not None else [chords[k].middle, np.clip(chords[k].middle + steps[k], 0.0, 1.0)]
+        found[k] = next(zeros) if bracket is not None else chords[k].expected
+        lost += [] if bracket is not None else [chords[k].expected, np.clip(chords[k].expected + steps[k], 0.0, 1.0)]
     return found, lost
 
 
 def _bracketed(starts: list[tuple[_Chord, float, np.ndarray]]) -> Generator[Places, list[float], list[Bracket | None]]:
-    """Brackets from the middles of chords along their steps, the steps doubled until the sign changes; None where it
+    """Brackets from the expected places along their steps, the steps tripled until the sign changes; None where it
     does not.
     """
     brackets: list[Bracket | None] = [None] * len(starts)
     reach = dict.fromkeys(range(len(starts)), 1.2)
     while reach:
-        ends = {k: np.clip(starts[k][0].middle + reach[k] * starts[k][2], 0.0, 1.0) for k in reach}
+        ends = {k: np.clip(starts[k][0].expected + reach[k] * starts[k][2], 0.0, 1.0) for k in reach}
         values = yield [tuple(float(x) for x in end) for end in ends.values()]
         for (k, end), value in zip(ends.items(), values):
-            chord, at_middle, step = starts[k]
-            if opposite(at_middle, value):
-                brackets[k] = Bracket(chord.middle, end, at_middle, value)
+            chord, at_expected, step = starts[k]
+            if opposite(at_expected, value):
+                brackets[k] = Bracket(chord.expected, end, at_expected, value)
                 del reach[k]
             elif reach[k] * np.linalg.norm(step) >= 0.5 * chord.length or not np.isfinite(value):
                 del reach[k]

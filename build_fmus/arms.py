@@ -12,7 +12,7 @@ from attrs import evolve
 
 from build_fmus.build import BuildJob, Progress, build, check_platforms, fmu_path
 from build_fmus.errors import BadRequestError
-from build_fmus.sources import model_table, models
+from build_fmus.sources import is_model, model_table
 from build_fmus.table import ModelTable, ModelVariable, Private, StartValue, override
 
 
@@ -45,7 +45,7 @@ def fitted_fmu(
 
 def can_be_cut(model: str, joints: int) -> bool:
     """Whether a model of ours has a table of joints with room for so many."""
-    if model not in models():
+    if not is_model(model):
         return False
     table = model_table(model)
     return _has_joints(table) and 1 <= joints <= _room(table)

@@ -29,6 +29,12 @@ def models() -> list[str]:
     return sorted(folder.name for folder in source_root().iterdir() if (folder / "model.toml").is_file())
 
 
+def is_model(name: str) -> bool:
+    """Whether one of ours has this name."""
+    root = source_root()
+    return any(folder.name == name for folder in root.iterdir()) and (root / name / "model.toml").is_file()
+
+
 @lru_cache(maxsize=256)
 def is_path(model: str) -> bool:
     """Whether a model is named by its folder or Python file, `./MyController`, and not as one of ours."""
@@ -38,7 +44,7 @@ def is_path(model: str) -> bool:
 def home_of(model: str) -> Path:
     """The folder of a model: one of ours by its name, any by its path. Raises BadRequestError where there is none."""
     if not is_path(model):
-        if model not in models():
+        if not is_model(model):
             raise BadRequestError(f"no model {model!r}{suggestion(model, models())}; there are {', '.join(models())}")
         return source_root() / model
     if not (Path(model) / "model.toml").is_file():
@@ -89,10 +95,16 @@ def model_files(home: Path, fmi: int, extra: Mapping[str, bytes] | None = None) 
         if found.setdefault(name, path) != path and not found[name].samefile(path):
             raise SourceError(f"{home.name}: two source files share a name: {found[name]} and {path}")
         if name not in files:
-            data = path.read_bytes()
-            files[name] = INCLUDE.sub(_flat, data)
-            waiting += [(path.parent, match.decode()) for match in INCLUDE.findall(data)]
+            files[name], included = _flattened(path, path.stat().st_mtime_ns)
+            waiting += [(path.parent, one) for one in included]
     return files
+
+
+@lru_cache(maxsize=256)
+def _flattened(path: Path, changed: int) -> tuple[bytes, tuple[str, ...]]:
+    """A source file with includes without folders, and what it includes; most models share most files."""
+    data = path.read_bytes()
+    return INCLUDE.sub(_flat, data), tuple(match.decode() for match in INCLUDE.findall(data))
 
 
 def _resolve(wanted: str, folders: list[Path]) -> Path:

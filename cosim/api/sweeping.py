@@ -53,9 +53,9 @@ def sweep(
     from build_fmus.scratch import workspace
 
     if folder is not None:
-        return _carried_out(found, Path(folder), workers, dask, progress)
+        return carried_out(found, how(found), Path(folder), workers, dask, progress)
     with workspace() as kept:
-        return _carried_out(found, kept, workers, dask, progress)
+        return carried_out(found, how(found), kept, workers, dask, progress)
 
 
 def described(
@@ -99,10 +99,15 @@ def how(spec: Sweep) -> str:
     return check(task_of(spec), first_point(spec))
 
 
-def _carried_out(
-    spec: Sweep, folder: Path, workers: int | None, dask: str | None, progress: Callable[[SweepProgress], None] | None
+def carried_out(
+    spec: Sweep,
+    said: str,
+    folder: Path,
+    workers: int | None,
+    dask: str | None,
+    progress: Callable[[SweepProgress], None] | None,
 ) -> SweepTable:
-    said = how(spec)
+    """The sweep as `sweep` carries it out, after `how` has said how the points will be computed."""
     pool, words = _pool(workers, dask)
     with pool:
         source = origin(task_of(spec), every_choice(spec))

@@ -38,17 +38,17 @@ def command(
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html")] = True,
 ) -> None:
     """A batch stability sweep: summary.json, sweep.h5, report.html; kill it at any time and run it again."""
-    import cosim
-    from cosim.api.sweeping import described, how
+    from cosim.api.sweeping import carried_out, described, how
     from cosim.cli.folder import made, named
     from cosim.scenario import parse_override
 
     chosen = described(spec, dict(map(parse_override, set_ or ())), effects, evaluator)
     folder = made(out or named(chosen.name))
-    print(f"{chosen.name}: {how(chosen)}", file=sys.stderr)
+    said = how(chosen)
+    print(f"{chosen.name}: {said}", file=sys.stderr)
     try:
         with _PointsMeter(chosen.name) as progress:
-            table = cosim.sweep(chosen, workers=workers, dask=dask, folder=folder, progress=progress)
+            table = carried_out(chosen, said, folder, workers, dask, progress)
     except KeyboardInterrupt:
         kept = f"what was computed is kept in {folder}: run the same command again to go on"
         print(f"interrupted; {kept}", file=sys.stderr)

@@ -3,7 +3,8 @@
 import itertools
 import math
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,6 +12,7 @@ from zipfile import ZipFile
 
 from attrs import evolve, frozen
 
+from cosim import signals
 from cosim.errors import InputError, Problem
 from cosim.fmu.faults import faults
 from cosim.fmu.places import Progress, digest, fmu_file, recording_warnings, stamp
@@ -69,6 +71,26 @@ def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[s
 
 @lru_cache(maxsize=256)
 def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int], ...]) -> FmuDescription:
+    """As read before by any process, where neither the file's content nor what reads it has changed since."""
+    from build_fmus.cache import key_of, remembered
+
+    content = digest(path, modified, size)
+    key = key_of(content, repr(given), *_readers())
+    found = remembered("descriptions", key, lambda: _read(path, content, given))
+    return found if found.path == path else evolve(found, path=path)
+
+
+@cache
+def _readers() -> tuple[bytes, ...]:
+    """The code that decides what is read from a description: ours and fmpy's."""
+    package = find_spec("fmpy")
+    theirs = Path(package.origin).with_name("model_description.py") if package and package.origin else Path()
+    ours = [Path(__file__).with_name(name) for name in ("description.py", "faults.py")]
+    return tuple(path.read_bytes() for path in (*ours, Path(signals.__file__), theirs) if path.is_file())
+
+
+def _read(path: str, content: str, given: tuple[tuple[str, int], ...]) -> FmuDescription:
+    """What the file says, read now. content: its SHA-256."""
     model = model_of(path)
     problem = no_cosimulation(path, model)
     if problem is not None:
@@ -84,7 +106,7 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
         _takes_slopes(model),
         model.fmiVersion,
         path,
-        digest(path, modified, size),
+        content,
         interface.modelIdentifier,
         model.guid,
         model.description or "",

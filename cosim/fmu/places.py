@@ -77,9 +77,9 @@ def _model(model: str, joints: int | None, fmi: int, progress: Progress | None) 
 
 def _built(model: str, joints: int | None, fmi: int, progress: Progress | None) -> Path:
     from build_fmus.arms import fitted_fmu
-    from build_fmus.sources import models
+    from build_fmus.sources import is_model, models
 
-    if model not in models():
+    if not is_model(model):
         near = did_you_mean(model, models()) or "a model of your own goes by its path, ./NAME"
         raise InputError(Problem("model", "one of " + ", ".join(models()), repr(model), near))
     return fitted_fmu(model, joints, fmi, progress=progress)

@@ -177,6 +177,8 @@ class LocalPool(Workers):
 
     def close(self) -> None:
         for worker in self.workers:
+            worker.kill()
+        for worker in self.workers:
             worker.stop()
 
 
@@ -237,10 +239,14 @@ class _Worker:
         self.stop()
         self._start(multiprocessing.get_context("spawn"))
 
+    def kill(self) -> None:
+        """Let the process end."""
+        self.process.kill()  # an FMU may not let itself be terminated
+
     def stop(self) -> None:
         """End the process."""
         self.pipe.close()
-        self.process.kill()  # an FMU may not let itself be terminated
+        self.kill()
         self.process.join()
 
 

@@ -163,6 +163,8 @@ class Tree:
             return False
         slope_a = 0.5 * (b - before) if np.isfinite(before) else b - a
         slope_b = 0.5 * (after - a) if np.isfinite(after) else b - a
+        if 1.5 * 4 / 27 * (abs(slope_a - b + a) + abs(slope_b - b + a)) < min(abs(a), abs(b)):  # s (1 - s)^2 <= 4 / 27
+            return False
         s = np.linspace(0.0, 1.0, 17)
         line = a + (b - a) * s
         cubic = (

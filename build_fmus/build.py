@@ -13,9 +13,10 @@ from build_fmus.description import describe
 from build_fmus.documentation import index_html
 from build_fmus.errors import BadRequestError, BuildError, SourceError
 from build_fmus.header import header
+from build_fmus.homes import is_path, source_root
 from build_fmus.python_class import python_fmu
 from build_fmus.scratch import workspace
-from build_fmus.sources import GENERATED, home_of, is_path, licence, model_files, model_table, readme_of, source_root
+from build_fmus.sources import GENERATED, home_of, licence, model_files, model_table, readme_of
 from build_fmus.table import ModelTable, StartValue, override, suggestion
 from build_fmus.terminals import build_description, icon_png, icon_svg, terminals
 

@@ -36,13 +36,20 @@ def _mine(folder: Path) -> bool:
     return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
 
 
+_TRIED: set[Path] = set()
+"""Folders that this process has written into."""
+
+
 def _writable(folder: Path) -> bool:
+    if folder in _TRIED and folder.is_dir():
+        return True
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"x")
     except OSError:
         return False
+    _TRIED.add(folder)
     return True
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from build_fmus.cache import builder_code, cache_folder, key_of, store
 from build_fmus.compiler import PLATFORMS, compile_library, find_compiler, this_platform
-from build_fmus.header import batch_header
+from build_fmus.homes import source_root
 from build_fmus.scratch import workspace
-from build_fmus.sources import model_table, source_root
+from build_fmus.unchanged import unchanged_file
 
 _STRUCT = '_model.h"'
 _DECIDE = (".c", ".h", ".toml")
@@ -20,6 +20,11 @@ def library_path(name: str, flags: Sequence[str] = ()) -> Path:
 
     flags: further compiler flags, part of the cache key. Raises BuildError.
     """
+    return unchanged_file(" ".join((name, *flags)), lambda: _compiled(name, flags))
+
+
+def _compiled(name: str, flags: Sequence[str]) -> Path:
+    """The library, from the cache by the content of the sources, or compiled."""
     compiler, folder, chosen = find_compiler(), cache_folder(), PLATFORMS[this_platform()]
     if not compiler.cross:  # zig alone writes levels of x86-64 with underscores
         flags = [flag.replace("-march=x86_64_v", "-march=x86-64-v") for flag in flags]
@@ -50,6 +55,9 @@ def structs(name: str) -> dict[str, str]:
     """{file name: text} of the generated headers that the sources in fmu_src/NAME include: structs of models whose laws
     they run.
     """
+    from build_fmus.header import batch_header
+    from build_fmus.sources import model_table
+
     code = [
         line for path in sorted((source_root() / name).glob("*.[ch]")) for line in path.read_text("utf-8").splitlines()
     ]

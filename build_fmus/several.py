@@ -7,9 +7,10 @@ from pathlib import Path
 
 from build_fmus.build import check_platforms, fmu_path
 from build_fmus.cache import store
+from build_fmus.homes import is_path
 from build_fmus.python_class import exporter_of, version_of
 from build_fmus.running import RUNNING
-from build_fmus.sources import is_path, models
+from build_fmus.sources import models
 
 
 def built(

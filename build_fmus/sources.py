@@ -4,24 +4,16 @@ import importlib.util
 import os
 import re
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 from build_fmus.cache import key_of, remembered
 from build_fmus.errors import BadRequestError, BuildError, SourceError
+from build_fmus.homes import is_path, source_root
 from build_fmus.table import ModelTable, load_table, suggestion
 
 GENERATED = "model_table.h"
 INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"', re.MULTILINE)
-
-
-@cache
-def source_root() -> Path:
-    """The folder fmu_src, in a checkout beside this package and in a wheel likewise."""
-    root = Path(__file__).resolve().parent.parent / "fmu_src"
-    if not root.is_dir():
-        raise BuildError(f"{root} is missing: the C sources of the FMUs are not installed")
-    return root
 
 
 def models() -> list[str]:
@@ -33,12 +25,6 @@ def is_model(name: str) -> bool:
     """Whether one of ours has this name."""
     root = source_root()
     return any(folder.name == name for folder in root.iterdir()) and (root / name / "model.toml").is_file()
-
-
-@lru_cache(maxsize=256)
-def is_path(model: str) -> bool:
-    """Whether a model is named by its folder or Python file, `./MyController`, and not as one of ours."""
-    return "/" in model or "\\" in model or model in (".", "..") or model.endswith(".py")
 
 
 def home_of(model: str) -> Path:

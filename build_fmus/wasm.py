@@ -7,8 +7,9 @@ from build_fmus.build import BuildJob
 from build_fmus.cache import cache_folder, key_of, store
 from build_fmus.compiler import WASM, Compiler, call, find_compiler
 from build_fmus.errors import BuildError
+from build_fmus.homes import is_path, source_root
 from build_fmus.scratch import workspace
-from build_fmus.sources import home_of, is_path, model_table, source_root
+from build_fmus.sources import home_of, model_table
 
 EXPORTS = ("-mexec-model=reactor", "-Wl,--export-memory", "-Wl,-z,stack-size=262144", "-Wl,--strip-all")
 

@@ -41,6 +41,12 @@ def static_by_source(wiring: Wiring, name: str) -> bool:
 
 @lru_cache(maxsize=64)
 def _keeps_nothing(model: str) -> bool:
+    from build_fmus.unchanged import unchanged
+
+    return unchanged("memories", model, lambda: _has_none(model))
+
+
+def _has_none(model: str) -> bool:
     from build_fmus.sources import home_of, model_files, model_table
 
     table = model_table(model)

@@ -76,6 +76,12 @@ def _model(model: str, joints: int | None, fmi: int, progress: Progress | None) 
 
 
 def _built(model: str, joints: int | None, fmi: int, progress: Progress | None) -> Path:
+    from build_fmus.unchanged import unchanged_file
+
+    return unchanged_file(f"{model} {joints} {fmi}", lambda: _fitted(model, joints, fmi, progress))
+
+
+def _fitted(model: str, joints: int | None, fmi: int, progress: Progress | None) -> Path:
     from build_fmus.arms import fitted_fmu
     from build_fmus.sources import is_model, models
 

@@ -134,7 +134,7 @@ class Component:
     @property
     def own(self) -> bool:
         """Whether its model is the user's own, named by a path."""
-        from build_fmus.sources import is_path
+        from build_fmus.homes import is_path
 
         return self.model is not None and is_path(self.model)
 

@@ -52,9 +52,14 @@ def _buffer(model: str) -> int:
     """Steps of delay that a channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
     Memory): one record each, beside those of the first input and of the present.
     """
-    from build_fmus.sources import model_table
+    from build_fmus.unchanged import unchanged
 
-    return model_table(model).shape("ring")[0] - 2
+    def shape() -> int:
+        from build_fmus.sources import model_table
+
+        return model_table(model).shape("ring")[0]
+
+    return unchanged("buffers", model, shape) - 2
 
 
 def _outgrown(

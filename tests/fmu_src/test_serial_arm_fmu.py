@@ -8,8 +8,8 @@ import pytest
 
 from build_fmus import BuildError, arm_fmu, fmu_path, start_values
 from build_fmus.arms import cut, cut_like
+from build_fmus.homes import source_root
 from build_fmus.library import vectors
-from build_fmus.sources import source_root
 from build_fmus.table import load_table
 from cosim.arm import serial_dynamics as dynamics
 from cosim.arm import serial_kinematics as kinematics

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from build_fmus.homes import source_root
 from build_fmus.library import library_path, structs
-from build_fmus.sources import source_root
 from cosim.engine.master import run
 from cosim.engine.native import NativePhase, check_layout
 from cosim.engine.native_executor import executor_library

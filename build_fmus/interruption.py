@@ -1,5 +1,6 @@
 """A program that is told to stop: Ctrl-C, SIGTERM and SIGHUP (a terminal that closes) are one and the same."""
 
+import atexit
 import os
 import signal
 import sys
@@ -32,6 +33,21 @@ def leave_when_told() -> None:
         with suppress(OSError, ValueError):
             stream.flush()
     _answer(_leave)
+
+
+def leave(code: int) -> NoReturn:
+    """End the program with its exit code, as processes of multiprocessing end: what waits for the end is called, what
+    was written is flushed, and nothing is freed object by object, which takes longer than many a command.
+    """
+    threading._shutdown()  # type: ignore[attr-defined] - private, but what multiprocessing ends its processes with
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    if "ctypes" in sys.modules:
+        with suppress(OSError, AttributeError):
+            sys.modules["ctypes"].CDLL(None).fflush(None)  # what FMUs printed
+    os._exit(code)
 
 
 def _answer(handler: "signal._HANDLER") -> None:

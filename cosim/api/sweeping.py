@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
@@ -123,7 +124,7 @@ def _pool(workers: int | None, dask: str | None) -> tuple[Workers, str]:
     from cosim.sweeps.pool import LocalPool
 
     count = workers or os.cpu_count() or 1
-    return LocalPool(count), f"{count} local process{'es' if count > 1 else ''}"
+    return LocalPool(count, lambda: import_module("h5py")), f"{count} local process{'es' if count > 1 else ''}"
 
 
 @final

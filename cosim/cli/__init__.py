@@ -13,7 +13,7 @@ from functools import wraps
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
-from build_fmus.interruption import INTERRUPTED, leave_when_told, stop_when_told
+from build_fmus.interruption import INTERRUPTED, leave, leave_when_told, stop_when_told
 from cosim.cli.streams import open_streams
 from cosim.version import __version__
 
@@ -61,6 +61,18 @@ _REPEATED = ("--test", "--platform")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `cosim` with the given arguments (default: those of the process) and leave with its exit code."""
+    if arguments is not None:
+        _run_to_its_end(arguments)
+        return
+    try:
+        _run_to_its_end(None)
+    except SystemExit as end:  # the program is at its end
+        if end.code is None or isinstance(end.code, int):
+            leave(end.code or 0)
+        raise
+
+
+def _run_to_its_end(arguments: Sequence[str] | None) -> None:
     try:
         open_streams()
         stop_when_told()

@@ -148,7 +148,9 @@ class LocalPool(Workers):
     does.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, meanwhile: Callable[[], object] | None = None) -> None:
+        """meanwhile: what this process does once all workers have their first points."""
+        self.meanwhile = meanwhile
         first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.count: int = max(1, count)
         gc.freeze()  # workers do not search what this process has loaded for cycles
@@ -165,6 +167,7 @@ class LocalPool(Workers):
             for k, worker in enumerate(self.workers):
                 if worker.chunk is None and any(todo):
                     worker.give(task, _next(todo, k))
+            self._bridge()
             for worker in _heard(self.workers):
                 k, (chunk, findings, message) = self.workers.index(worker), worker.take()
                 again, settled = (
@@ -174,6 +177,11 @@ class LocalPool(Workers):
                 if any(todo):  # before the answer is looked at: the worker need not wait for that
                     worker.give(task, _next(todo, k))
                 yield from settled
+
+    def _bridge(self) -> None:
+        if self.meanwhile is not None:
+            self.meanwhile()
+            self.meanwhile = None
 
     def close(self) -> None:
         for worker in self.workers:

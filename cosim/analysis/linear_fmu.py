@@ -10,6 +10,7 @@ from cosim.errors import RunError
 from cosim.fmu import FmuInstance
 from cosim.signals import FmuDescription, is_real
 from cosim.wiring import Wiring
+from cosim.wiring.structure import of_structure
 
 _CHANNEL = (
     "u",
@@ -88,7 +89,20 @@ def channel_bounds(wiring: Wiring) -> dict[str, tuple[float, float, float, bool]
 
 def is_channel(description: FmuDescription) -> bool:
     """Whether an FMU says by its variables that it delays `u` to `y` (and `v` to `w`), and by which law."""
-    return all(description.elements(name) for name in _CHANNEL)
+    known = _CHANNELS.get(description.sha256)
+    if known is None or not description.sha256:
+        known = _CHANNELS[description.sha256] = all(description.elements(name) for name in _CHANNEL)
+    return known
+
+
+_CHANNELS: dict[str, bool] = {}
+"""What FMUs say, by their SHA-256: loops of a sweep ask again and again."""
+
+
+@of_structure
+def wired_inputs(wiring: Wiring, name: str) -> tuple[str, ...]:
+    """The component's wired inputs, as `Wiring.inputs`."""
+    return tuple(wiring.inputs(name))
 
 
 def linear_fmu(wiring: Wiring, name: str, one: LoneFmu) -> LinearFmu:
@@ -101,7 +115,7 @@ def linear_fmu(wiring: Wiring, name: str, one: LoneFmu) -> LinearFmu:
         return _channel(wiring, name)
     variables = wiring.descriptions[name].variables
     rates = {v.derivative_of: v.name for v in variables.values() if v.derivative_of}
-    inputs, outputs = tuple(wiring.inputs(name)), wired_outputs(wiring, name)
+    inputs, outputs = wired_inputs(wiring, name), wired_outputs(wiring, name)
     if not rates and not (inputs and outputs):
         return _static(inputs, outputs, np.zeros((len(outputs), len(inputs))), ALONE)
     if not wiring.descriptions[name].differentiates:
@@ -130,6 +144,7 @@ def linear_fmu(wiring: Wiring, name: str, one: LoneFmu) -> LinearFmu:
     return LinearFmu(states, inputs, outputs, whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
 
 
+@of_structure
 def wired_outputs(wiring: Wiring, name: str) -> tuple[str, ...]:
     """The component's outputs that are wired to something."""
     return tuple(dict.fromkeys(link.source.variable for link in wiring.links if link.source.component == name))
@@ -164,7 +179,7 @@ def _differences(one: LoneFmu, outputs: tuple[str, ...]) -> np.ndarray:
 
 def _channel(wiring: Wiring, name: str) -> LinearFmu:
     """A channel: y = u, w = v; its delay stands in the way, not in the matrix."""
-    inputs = tuple(wiring.inputs(name))
+    inputs = wired_inputs(wiring, name)
     outputs = wired_outputs(wiring, name)
     partner = {"y": "u", "w": "v"}
     through = np.array([[float(partner.get(o[0]) == i[0] and o[1:] == i[1:]) for i in inputs] for o in outputs])

@@ -173,10 +173,13 @@ class _Paths:
         """One matrix (n, n) for every way."""
         total: dict[Way, np.ndarray] = {Way(0.0, ()): np.zeros((self.size, self.size))}
         for name, fmu in self.fmus.items():
-            for k, by_state, by_input in zip(self.places[name], fmu.a.tolist(), fmu.b.tolist()):
-                for way, row in self._sum(name, by_state, by_input).items():
+            changing = np.any(fmu.a, axis=1) | np.any(fmu.b, axis=1)
+            rows = np.flatnonzero(changing).tolist()
+            for row, by_state, by_input in zip(rows, fmu.a[changing].tolist(), fmu.b[changing].tolist()):
+                k = self.places[name][row]
+                for way, weights in self._sum(name, by_state, by_input).items():
                     matrix = total.setdefault(way, np.zeros((self.size, self.size)))
-                    for place, weight in row.items():
+                    for place, weight in weights.items():
                         matrix[k, place] += weight
         return total
 

@@ -10,10 +10,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from cosim.analysis.linear_fmu import LinearFmu, channel_bounds, is_channel
+from cosim.analysis.linear_fmu import LinearFmu, channel_bounds, is_channel, wired_inputs
 from cosim.analysis.lone_fmu import LoneFmu
 from cosim.errors import RunError
 from cosim.wiring import Wiring
+from cosim.wiring.structure import of_structure
 
 SHAKEN = 3
 """Steps in which the inputs are shaken."""
@@ -28,6 +29,7 @@ TOLERANCE = 0.01
 """Part of the response by which the linear equations of declared states may miss it: small motion bends them little."""
 
 
+@of_structure
 def looped(wiring: Wiring) -> set[str]:
     """Components that take something and give something: others cannot close a loop."""
     return {link.target.component for link in wiring.links} & {link.source.component for link in wiring.links}
@@ -78,7 +80,7 @@ def known_as(wiring: Wiring, name: str) -> tuple[object, ...]:
     description, scenario = wiring.descriptions[name], wiring.scenario
     starts = tuple(sorted(wiring.starts[name].items()))
     step = scenario.experiment.step_ns * scenario.components[name].step_multiple
-    return description.sha256 or description.model, starts, tuple(wiring.inputs(name)), step
+    return description.sha256 or description.model, starts, wired_inputs(wiring, name), step
 
 
 def _examined(wiring: Wiring, name: str, fmu: LinearFmu, one: LoneFmu) -> str:

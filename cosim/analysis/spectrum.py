@@ -3,6 +3,7 @@ matrix.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,7 @@ class DelaySystem:
         return slope
 
 
+@cache
 def chebyshev(order: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes cos(i pi / N) on [-1, 1], shape (N + 1,), and their differentiation matrix (Trefethen 2000, program
     `cheb`).
@@ -113,12 +115,14 @@ def balanced(system: DelaySystem) -> DelaySystem:
     off = np.asarray(sum(np.abs(matrix) for matrix in system.matrices))
     np.fill_diagonal(off, 0.0)
     scale, usable = np.ones(system.size), (off.sum(axis=0) > 0.0) & (off.sum(axis=1) > 0.0)
+    last = scale
     for _ in range(20):
         columns, rows = off.sum(axis=0)[usable], off.sum(axis=1)[usable]
         step = np.ones(system.size)
         step[usable] = np.exp2(np.clip(np.round(0.5 * np.log2(rows / columns)), -1.0, 1.0))
-        if np.all(step == 1.0):
+        if np.all(step * last == 1.0):  # nothing moves, or all of it back to where it was
             break
+        last = step
         scale *= step
         off *= step[None, :] / step[:, None]
     return DelaySystem([matrix * scale[None, :] / scale[:, None] for matrix in system.matrices], system.delays)

@@ -5,7 +5,8 @@ from collections.abc import Generator, Iterator
 import numpy as np
 from attrs import field, frozen
 
-from cosim.sweeps.boundary import Boundary, Places, Precision, Tracer, trace_square
+from cosim.sweeps.boundary import Boundary, Precision, Tracer, trace_square
+from cosim.sweeps.bracket import Places
 from cosim.sweeps.quadtree import opposite
 
 

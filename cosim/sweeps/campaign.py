@@ -4,17 +4,18 @@ done.
 
 import json
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from hashlib import sha256
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from attrs import asdict, field, frozen
+from attrs import asdict, evolve, field, frozen
 
 from cosim.engine.outcome import Outcome
 from cosim.sweeps.audit import Audit, AuditPlan, audited
-from cosim.sweeps.boundary import Boundary, Places, Precision, trace_line
+from cosim.sweeps.boundary import Boundary, Precision, trace_line
+from cosim.sweeps.bracket import Places
 from cosim.sweeps.evaluate import EVALUATORS
 from cosim.sweeps.journal import Journal
 from cosim.sweeps.level_set import Budget, learn
@@ -158,7 +159,7 @@ class _AskedPoints:
             workers,
             chunk,
             tell,
-            ahead,
+            {p.key: p for p in ahead},
         )
         self.asked: dict[str, Point] = {}
         self.began, self.fresh, self.done = time.perf_counter(), 0, 0
@@ -171,7 +172,7 @@ class _AskedPoints:
         missing = self._unknown(points)
         room = -len(missing) % (self.chunk * self.workers.count)
         taken = {p.key for p in missing}
-        beside = [p for p in self._unknown(self.ahead) if p.key not in taken][:room]
+        beside = [p for p in self._unknown(self.ahead.values()) if p.key not in taken][:room]
         self._report()
         dealt = _dealt(missing, beside, self.workers.count)
         for answered, findings in self.workers.answers(self.task, dealt, self.chunk):
@@ -181,8 +182,11 @@ class _AskedPoints:
             self._report()
         return [self.journal.findings[p.key] for p in points]
 
-    def _unknown(self, points: Round) -> Round:
-        return list({p.key: p for p in points if p.key not in self.journal.findings}.values())
+    def _unknown(self, points: Iterable[Point]) -> Round:
+        """Each once; what is evaluated does not depend on whether it is asked for already or will be."""
+        return [
+            self.ahead.get(key, p) for key, p in {p.key: p for p in points}.items() if key not in self.journal.findings
+        ]
 
     def _report(self) -> None:
         if self.tell:
@@ -256,11 +260,11 @@ def _combinations(sweep: Sweep) -> list[tuple[Entry, ...]]:
 
 
 def _ahead(sweep: Sweep) -> Round:
-    """Points that will be asked for whatever is found: those of the first audit."""
+    """Points that will be asked for whatever is found: those of the first audit, which only compares signs."""
     if not isinstance(sweep.design, BoundaryDesign) or len(sweep.traced) != 2:
         return []
     return [
-        _place(sweep, others, shares)
+        evolve(_place(sweep, others, shares), sign_alone=True)
         for others in _combinations(sweep)
         for shares in next(_audit(sweep.design).draws())
     ]

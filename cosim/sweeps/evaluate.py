@@ -49,8 +49,8 @@ _RECORDED = ("q", "dq", "x", "saturated")
 _REPLAY_EVERY = 200
 """One in so many of the kernel's points is run by the FMUs too."""
 _SHARP = 0.2
-"""Where a boundary is traced, a run ends only when half the interval of its rate is at most this part of the rate: what
-the tracer takes a rate near zero for (see `cosim.sweeps.boundary.narrow`)."""
+"""Where the tracer of a boundary asks for a rate, a run ends only when half the interval of it is at most this part of
+it: what the tracer takes a rate near zero for (see `cosim.sweeps.bracket.narrow`)."""
 
 
 @frozen
@@ -214,7 +214,8 @@ def _by_kernel(setups: Sequence[PointSetup], task: Task) -> list[PointResult]:
     from cosim.sweeps.kernel import run_pairs
 
     pairs = [(one.wiring, _with(twin_wiring, one.wiring)) for one in setups]
-    runs = run_pairs(pairs, _signals(pairs[0][0]), task.sign_level, _SHARP if task.traced else np.inf)
+    parts = [_SHARP if task.traced and not one.point.sign_alone else np.inf for one in setups]
+    runs = run_pairs(pairs, _signals(pairs[0][0]), task.sign_level, parts)
     return [_replayed(one, found, _found(one, found)) for one, found in zip(setups, runs)]
 
 

@@ -77,27 +77,31 @@ class TwinRuns:
 
 @frozen
 class _EndOfPairs:
-    """When a pair of runs ends: Student's quantile of the level, and the part of the rate that half its interval may
-    be.
+    """When pairs of runs end: Student's quantile of the level, and of each pair the part of the rate that half its
+    interval may be.
     """
 
     quantile: float
-    part: float
+    parts: tuple[float, ...]
+
+    def of(self, runs: Sequence[int]) -> _EndOfPairs:
+        """For some of the runs, by their numbers: a run and its twin, and so on."""
+        return _EndOfPairs(self.quantile, tuple(self.parts[k // 2] for k in runs[::2]))
 
 
 def run_pairs(
     pairs: Sequence[tuple[Wiring, Wiring]],
     record: Sequence[str],
     level: float | None = None,
-    part: float = np.inf,
+    parts: Sequence[float] | None = None,
 ) -> list[TwinRuns]:
     """Runs and their twins; with a level only until the sign of the growth rate is decided (fmu_src/kernel/sign.h).
 
-    part: of the rate that half its interval may be at most.
+    parts: for each pair the part of the rate that half its interval may be at most (default: however wide it is).
     """
     ending = None
     if level is not None and lanes() > 1:
-        ending = _EndOfPairs(student(level), part)
+        ending = _EndOfPairs(student(level), tuple(parts or [np.inf] * len(pairs)))
     runs = _runs([wiring for pair in pairs for wiring in pair], record, 1, ending)
     return [TwinRuns(result, twin, growth) for (result, growth), (twin, _) in zip(runs[::2], runs[1::2])]
 
@@ -130,14 +134,17 @@ def _runs(
     layout = lane_layout(wirings[0], tuple(record))
     settings = [LaneSetting.of(wiring, layout.parts, FEED) for wiring in wirings]
     batches = _batches(settings)
-    tasks = [[settings[i] for i in batch] for batch in batches]
-    found = _each(lambda settings: _run_lanes(settings, layout, ending), tasks, workers)
+    tasks = [([settings[i] for i in batch], ending.of(batch) if ending else None) for batch in batches]
+    found = _each(lambda task: _run_lanes(task[0], layout, task[1]), tasks, workers)
     results = {i: result for batch, some in zip(batches, found) for i, result in zip(batch, some)}
     return [results[i] for i in range(len(wirings))]
 
 
+_LaneTask = tuple[list[LaneSetting], _EndOfPairs | None]
+
+
 def _each(
-    action: Callable[[list[LaneSetting]], list[_LaneRun]], tasks: Sequence[list[LaneSetting]], workers: int
+    action: Callable[[_LaneTask], list[_LaneRun]], tasks: Sequence[_LaneTask], workers: int
 ) -> list[list[_LaneRun]]:
     """Results in the order of the tasks; without threads where one would do, for its memory and cache start cold."""
     if min(workers, len(tasks)) < 2:
@@ -224,20 +231,21 @@ class _Call:
             work,
         )
 
-    def _looks(self) -> tuple[int, int, int, int, int, float, float]:
+    def _looks(self) -> tuple[int, int, int, int, int, float]:
         """Where signs are kept, at which rows they are looked for, how many rates and limits are followed, what ends a
         pair.
         """
         if self.signs is None or self.ending is None:
-            return 0, 0, 0, 0, 0, 0.0, 0.0
+            return 0, 0, 0, 0, 0, 0.0
+        parts = [*self.ending.parts, *self.ending.parts[-1:] * self.width]
         power = np.empty((len(self.signs), self.rows + 1))
         power[:, 0] = 0.0
-        for sign, sums in zip(self.signs, power):
-            sign.power = self.arena.array(sums)
+        for sign, sums, part in zip(self.signs, power, parts):
+            sign.power, sign.part = self.arena.array(sums), part
         looks = [int(share * (self.rows - 1)) for share in _LOOKS]
         where = self.arena.structures(self.signs), self.arena.indices(looks)
         followed = len(self.layout.rates), len(self.layout.saturated)
-        return *where, len(looks), *followed, self.ending.quantile, self.ending.part
+        return *where, len(looks), *followed, self.ending.quantile
 
     def _component(self, i: int) -> NativeComponent:
         part, kind = self.parts[i], kinds(_library())[self.parts[i].model]

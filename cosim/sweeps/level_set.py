@@ -10,7 +10,8 @@ from collections.abc import Generator
 import numpy as np
 from attrs import frozen
 
-from cosim.sweeps.boundary import Boundary, Places
+from cosim.sweeps.boundary import Boundary
+from cosim.sweeps.bracket import Places
 from cosim.sweeps.quadtree import Lattice, Tree
 
 

@@ -81,6 +81,7 @@ class NativeSign(ctypes.Structure):
         ("power", c_void_p),
         ("rows", c_int64),
         ("full", c_int64),
+        ("part", c_double),
         ("largest_rate", c_double),
         ("largest_angle", c_double),
         ("rate", c_double),
@@ -114,7 +115,6 @@ class NativeJob(ctypes.Structure):
         ("n_rates", c_int64),
         ("n_saturated", c_int64),
         ("quantile", c_double),
-        ("part", c_double),
         ("work", c_void_p),
     ]
 

@@ -15,10 +15,15 @@ from cosim.sweeps.spec import SCENARIO, Axis, Choice, Entry, Sweep
 
 @frozen
 class Point:
-    """One entry of every axis: `entries` for tables (numbers and labels), `values` for the scenario."""
+    """One entry of every axis: `entries` for tables (numbers and labels), `values` for the scenario.
+
+    sign_alone: whether no more than the sign of its growth rate is asked for, so that its run may end when that is
+    known.
+    """
 
     entries: tuple[float | str, ...]
     values: tuple[tuple[str, object], ...]
+    sign_alone: bool = field(default=False, eq=False)
 
     @cached_property
     def key(self) -> str:

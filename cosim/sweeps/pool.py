@@ -220,7 +220,7 @@ class _Worker:
     def give(self, task: Task, chunk: Chunk) -> None:
         """Hand out a chunk; a worker that died while idle is replaced first."""
         self.chunk = chunk
-        text = json.dumps([asdict(task), [[p.entries, p.values] for p in chunk.points]]).encode()
+        text = json.dumps([asdict(task), [[p.entries, p.values, p.sign_alone] for p in chunk.points]]).encode()
         try:
             self.pipe.send_bytes(text)
         except (BrokenPipeError, OSError):
@@ -288,7 +288,8 @@ def _serve(pipe: Connection) -> None:
         while parent.sentinel not in wait([pipe, parent.sentinel]):
             task, points = json.loads(pipe.recv_bytes())
             given = [
-                Point(tuple(entries), tuple((path, value) for path, value in values)) for entries, values in points
+                Point(tuple(entries), tuple((path, value) for path, value in values), alone)
+                for entries, values, alone in points
             ]
             findings, message = attempt(Task(**task), given)
             answer = {"message": message} if findings is None else {"findings": [plain(found) for found in findings]}

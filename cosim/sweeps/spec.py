@@ -254,7 +254,8 @@ class Sweep:
     """An effects file of `close-loop` that is applied at every point."""
     sign_level: float | None = None
     """Runs of the batch kernel end as soon as the sign of the growth rate is decided at this level, 0.95 say; a point
-    is then `converged` or `growing`, its rate that of the envelope so far. Without it every run goes on to the end."""
+    is then `converged` or `growing`, its rate that of the envelope so far; where a boundary is traced, one whose rate
+    is asked for only when that is known to a fifth. Without it every run goes on to the end."""
     any_delay: bool = False
     """Whether a stable point that no cheap condition proves is asked for a certificate for every delay law up to its
     longest delay: some seconds a point.

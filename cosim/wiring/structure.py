@@ -7,7 +7,7 @@ from typing import TypeVar
 from cosim.wiring.wiring import Link, Wiring
 
 Said = TypeVar("Said")
-_MOST = 16  # structures of each function
+_MOST = 64  # structures, and further arguments, of each function
 
 
 def of_structure(function: Callable[..., Said]) -> Callable[..., Said]:

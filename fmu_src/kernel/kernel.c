@@ -36,7 +36,7 @@
     FIELD(int64_t *, outcome) /* [LANES] 0 ran through, 1 out of bounds, 2 domain left, 3 sign decided */ \
     FIELD(Sign *, signs)      /* [LANES / 2] of lanes 2 k, a run, and 2 k + 1, its twin; NULL: none is looked for */ \
     FIELD(const int64_t *, looks) FIELD(int64_t, n_looks) /* rows, in order */ \
-    FIELD(int64_t, n_rates) FIELD(int64_t, n_saturated) FIELD(double, quantile) FIELD(double, part) /* see sign.h */ \
+    FIELD(int64_t, n_rates) FIELD(int64_t, n_saturated) FIELD(double, quantile) /* see sign.h */ \
     FIELD(void *, work)       /* [n_components] of part_size() bytes */
 
 /* clang-format on */
@@ -296,7 +296,7 @@ static int follow(Job *job, const Turn *turn, int64_t done) {
         if (at_limit(job, turn, lane)) sign->full = 1;
         if (!sign->full) sign_follow(sign, parted(job, turn, lane, sign));
         if (sign->full ? !full : look)
-            sign_look(sign, period, (double)(job->steps - done) * job->step_ns / 1e9, job->quantile, job->part);
+            sign_look(sign, period, (double)(job->steps - done) * job->step_ns / 1e9, job->quantile);
         if (sign->sign) job->outcome[lane] = job->outcome[lane + 1] = 3, job->ended[lane] = job->ended[lane + 1] = done;
     }
     for (int lane = 0; lane < LANES; lane++) running = running || !job->outcome[lane];

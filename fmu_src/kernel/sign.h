@@ -26,6 +26,7 @@
     FIELD(double *, power) /* [rows + 1] sums of squares, power[0] = 0 */ \
     FIELD(int64_t, rows)   /* used; the last ones may lie beyond the ceiling and are not */ \
     FIELD(int64_t, full)   /* whether the ceiling is reached, or a motor's limit */ \
+    FIELD(double, part)    /* of the rate that half its interval may be at most when the run ends */ \
     FIELD(double, largest_rate) FIELD(double, largest_angle) /* of the run: rad/s, rad */ \
     FIELD(double, rate) FIELD(double, low) FIELD(double, high) /* 1/s, at the last look */ \
     FIELD(int64_t, sign)   /* 0: not decided */
@@ -73,9 +74,8 @@ static inline double sign_slope(const Envelope *e) {
     return ty / tt;
 }
 
-/* A look; period: s between rows, left: s that the run goes on, quantile: Student's for the blocks, part: of the rate that half
- * its interval may be at most. */
-static inline void sign_look(Sign *s, double period, double left, double quantile, double part) {
+/* A look; period: s between rows, left: s that the run goes on, quantile: Student's for the blocks. */
+static inline void sign_look(Sign *s, double period, double left, double quantile) {
     Envelope e;
     if (!sign_envelope(s, period, &e)) return;
     const int64_t each = SIGN_LAST / SIGN_BLOCKS;
@@ -99,7 +99,7 @@ static inline void sign_look(Sign *s, double period, double left, double quantil
     const double seen = (double)s->rows * period, ahead = left > seen ? left : seen;
     const double rise = late > early ? (late - early) / (0.5 * (e.t[SIGN_LAST] - e.t[0])) : 0.0;
     s->sign = s->low > 0 ? 1 : s->high < 0 && late + rise * ahead < 0 ? -1 : 0;
-    if (s->high - s->low > 2 * part * fabs(s->rate)) s->sign = 0;
+    if (s->high - s->low > 2 * s->part * fabs(s->rate)) s->sign = 0;
 }
 
 /* One more row: the squared norm of the difference. */

@@ -122,7 +122,8 @@ def run_sweep(
 
     Which points are asked for, and in which order, depends on results only, so that any number of workers gives the
     same table. A round that would leave workers idle is filled up, to `chunk` points for each, with points that will be
-    needed in any case: those of the audit. Raises InputError where the folder holds another sweep.
+    needed in any case: those of the audit; who has done his part of a round takes more of them. Raises InputError where
+    the folder holds another sweep.
     """
     began, task = time.perf_counter(), task_of(sweep)
     with Journal(folder / "journal.jsonl", fingerprint(task, origin)) as journal:
@@ -175,6 +176,7 @@ class _AskedPoints:
         beside = [p for p in self._unknown(self.ahead.values()) if p.key not in taken][:room]
         self._report()
         dealt = _dealt(missing, beside, self.workers.count)
+        self.workers.spare = self._unknown(self.ahead.values())
         for answered, findings in self.workers.answers(self.task, dealt, self.chunk):
             self.done += sum(p.key in self.asked and p.key not in self.journal.findings for p in answered)
             self.journal.add(answered, findings)

@@ -15,7 +15,7 @@ import signal
 import sys
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from functools import cache
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
@@ -105,9 +105,12 @@ def chunked(points: Sequence[Point], size: int) -> list[Chunk]:
 
 
 class Workers(ABC):
-    """Evaluates points; a context manager. `count`: how many chunks at once."""
+    """Evaluates points; a context manager. `count`: how many chunks at once; `spare`: points that will be asked for
+    later, for those who have nothing else to do while others work.
+    """
 
     count = 1
+    spare: Sequence[Point] = ()
 
     @abstractmethod
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
@@ -159,23 +162,24 @@ class LocalPool(Workers):
 
     def answers(self, task: Task, points: Sequence[Point], size: int) -> Iterator[Answer]:
         """Points that follow one another go to the same worker, which remembers what they have in common; one that has
-        done its share takes from the end of the longest.
+        done its share takes from the end of the longest, then of the spare points. Those that are under way when all
+        else is answered are waited for in the next call.
         """
-        share = max(1, -(-len(points) // self.count))
-        todo = [deque(chunked(points[k : k + share], size)) for k in range(0, share * self.count, share)]
-        while any(todo) or any(worker.chunk for worker in self.workers):
+        begun = {point.key for worker in self.workers if worker.chunk for point in worker.chunk.points}
+        left = _Left.of(points, [p for p in self.spare if p.key not in begun], begun, size, self.count)
+        while left.wanted:
             for k, worker in enumerate(self.workers):
-                if worker.chunk is None and any(todo):
-                    worker.give(task, _next(todo, k))
+                if worker.chunk is None and (chunk := left.next(k)):
+                    worker.give(task, chunk)
             self._bridge()
             for worker in _heard(self.workers):
                 k, (chunk, findings, message) = self.workers.index(worker), worker.take()
                 again, settled = (
                     ([], [(chunk.points, findings)]) if findings is not None else chunk.after_failure(message)
                 )
-                todo[k].extend(again)
-                if any(todo):  # before the answer is looked at: the worker need not wait for that
-                    worker.give(task, _next(todo, k))
+                left.settle(k, again, settled)
+                if chunk := left.next(k):  # before the answer is looked at: the worker need not wait for that
+                    worker.give(task, chunk)
                 yield from settled
 
     def _bridge(self) -> None:
@@ -190,9 +194,36 @@ class LocalPool(Workers):
             worker.stop()
 
 
-def _next(todo: Sequence[deque[Chunk]], k: int) -> Chunk:
-    """The next chunk of worker k's share, else the last one of the longest share."""
-    return todo[k].popleft() if todo[k] else max(todo, key=len).pop()
+@frozen(eq=False)
+class _Left:
+    """What is left to do: keys of points without an answer, the share of each worker, and spare chunks."""
+
+    wanted: set[str]
+    shares: list[deque[Chunk]]
+    spare: deque[Chunk]
+
+    @classmethod
+    def of(cls, points: Sequence[Point], spare: Sequence[Point], begun: Set[str], size: int, count: int) -> "_Left":
+        """Of points that were asked for now, some of which are begun already."""
+        wanted, fresh = {point.key for point in points}, [point for point in points if point.key not in begun]
+        share = max(1, -(-len(fresh) // count))
+        shares = [deque(chunked(fresh[k : k + share], size)) for k in range(0, share * count, share)]
+        return cls(wanted, shares, deque(chunked([point for point in spare if point.key not in wanted], size)))
+
+    def next(self, k: int) -> Chunk | None:
+        """The next chunk of worker k's share, else the last one of the longest share, else a spare one while anything
+        else has no answer.
+        """
+        if any(self.shares):
+            return self.shares[k].popleft() if self.shares[k] else max(self.shares, key=len).pop()
+        return self.spare.popleft() if self.spare and self.wanted else None
+
+    def settle(self, k: int, again: Sequence[Chunk], settled: Sequence[Answer]) -> None:
+        """Worker k has done a chunk, of which some points have answers and others are to be tried again."""
+        self.wanted.difference_update(point.key for points, _ in settled for point in points)
+        for chunk in again:
+            asked = any(point.key in self.wanted for point in chunk.points)
+            (self.shares[k] if asked else self.spare).append(chunk)
 
 
 def _heard(workers: Sequence["_Worker"]) -> list["_Worker"]:

@@ -10,18 +10,21 @@ until the sagitta of what is left is below the tolerance.
 """
 
 import itertools
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping
+from typing import final
 
 import numpy as np
 from attrs import field, frozen
 
-from cosim.sweeps.bracket import Bracket, Places, narrow
+from cosim.sweeps.bracket import Bracket, Places, as_place, side_by_side, zero
 from cosim.sweeps.quadtree import Cell, Lattice, Node, Tree, each_edge, gradient, opposite
 
 Tracer = Generator[Places, list[float], "Boundary"]
 
 _TRACES = 5
 """How often a trace is begun again because the boundary left a cell unseen (places known are not asked for again)."""
+_BENDS = 5
+"""How often a line is bent at most: each time its chords become half as long."""
 
 
 @frozen
@@ -73,8 +76,14 @@ def trace_line(precision: Precision) -> Tracer:
     values = yield [(float(x),) for x in nodes]
     pairs = [k for k in range(precision.cells) if opposite(values[k], values[k + 1])]
     brackets = [Bracket(nodes[[k]], nodes[[k + 1]], values[k], values[k + 1]) for k in pairs]
-    places = yield from narrow(brackets, precision.tolerance)
-    return Boundary(tuple(place[None, :] for place in places))
+    zeros: dict[int, np.ndarray] = {}
+
+    def keep(k: int, place: np.ndarray) -> tuple[()]:
+        zeros[k] = place
+        return ()
+
+    yield from side_by_side(((k, zero(b, precision.tolerance)) for k, b in enumerate(brackets)), keep)
+    return Boundary(tuple(zeros[k][None, :] for k in sorted(zeros)))
 
 
 # two dimensions ------------------------------------------------------------------------------------------------------
@@ -93,9 +102,10 @@ def trace_square(precision: Precision, tree: Tree | None = None) -> Tracer:
     for _ in range(_TRACES):
         while any([tree.split(leaf) for leaf in tree.crowded()]):  # noqa: C419 - every leaf is split
             yield from _complete(tree)
-        segments = yield from _segments(tree, precision.tolerance)
-        lines, loose = yield from _bent(segments, tree, precision.tolerance)
-        if not any([tree.split(leaf) for leaf in _around(tree, loose)]):  # noqa: C419 - every leaf is split
+        outline = _Outline(tree, precision.tolerance)
+        yield from side_by_side(outline.hunts(), outline.goes_on)
+        lines = [outline.lines[n] for n in sorted(outline.lines)]
+        if not any([tree.split(leaf) for leaf in _around(tree, outline.loose)]):  # noqa: C419 - every leaf is split
             break
         yield from _complete(tree)
     return Boundary(tuple(_joined(lines)), tree)
@@ -111,26 +121,8 @@ def _around(tree: Tree, places: list[np.ndarray]) -> list[Cell]:
 def _complete(tree: Tree) -> Generator[Places, list[float], None]:
     nodes = tree.unknown()
     if nodes:
-        values = yield [tuple(float(x) for x in tree.lattice.position(node)) for node in nodes]
+        values = yield [as_place(tree.lattice.position(node)) for node in nodes]
         tree.learn(nodes, values)
-
-
-@frozen
-class _BoundarySegment:
-    """Two zeros on the edges of one leaf."""
-
-    leaf: Cell
-    start: np.ndarray = field(eq=False)
-    end: np.ndarray = field(eq=False)
-
-
-def _segments(tree: Tree, tolerance: float) -> Generator[Places, list[float], list[_BoundarySegment]]:
-    """Zeros of all crossed edges, joined across leaves."""
-    crossed = list(each_edge(tree))
-    parts = list(dict.fromkeys(part for _, leaf_parts in crossed for part in leaf_parts))
-    brackets = [_bracket(tree, part) for part in parts]
-    zeros = dict(zip(parts, (yield from narrow(brackets, tolerance))))
-    return [_BoundarySegment(leaf, zeros[p[0]], zeros[p[1]]) for leaf, p in crossed if len(p) == 2]
 
 
 def _bracket(tree: Tree, part: tuple[Node, Node]) -> Bracket:
@@ -141,11 +133,12 @@ def _bracket(tree: Tree, part: tuple[Node, Node]) -> Bracket:
 
 @frozen
 class _Chord:
-    """A chord of line number `line` of the polylines, the gradient of the rate in its leaf, and where the boundary is
-    expected across its middle.
+    """A chord of line number `line`, how often that was bent before, the gradient of the rate in its leaf, and where
+    the boundary is expected across its middle.
     """
 
     line: int
+    depth: int
     start: np.ndarray = field(eq=False)
     end: np.ndarray = field(eq=False)
     slope: np.ndarray = field(eq=False)
@@ -169,32 +162,74 @@ class _Chord:
         return size * normal
 
 
-def _bent(
-    segments: list[_BoundarySegment], tree: Tree, tolerance: float
-) -> Generator[Places, list[float], tuple[list[list[np.ndarray]], list[np.ndarray]]]:
-    """Polylines of all segments, bent until a chord leaves the boundary by less than the tolerance; and loose places.
+_Part = tuple[Node, Node]
+_Search = Generator[Places, list[float], "np.ndarray | _Vertex"]
+
+
+@final
+class _Outline:
+    """The boundary as it becomes known in the leaves of a tree: zeros of the crossed edges, joined across each leaf,
+    and lines bent between them until a chord leaves the boundary by less than the tolerance.
 
     The zero across the middle of each chord becomes a vertex; the two new chords have a quarter of its sagitta, so
-    that bending ends where the vertex lies within two tolerances of the chord. A place is loose where no zero was met
-    across a chord.
+    that bending ends where the vertex lies within two tolerances of the chord. A line is bent as soon as its zeros and
+    those beside them are known. A place is loose where no zero was met across a chord.
     """
-    lines, loose = [[s.start, s.end] for s in segments], []
-    slopes = [gradient(tree.lattice, tree.values, segment.leaf) for segment in segments]
-    todo = [(n, segment.start, segment.end) for n, segment in enumerate(segments)]
-    for _ in range(5):
-        near = _neighbours(lines)
-        chords = [_Chord(n, a, b, slopes[n], _expected(a, b, near)) for n, a, b in todo]
-        chords = [chord for chord in chords if chord.length > 2.0 * tolerance and np.all(np.isfinite(chord.slope))]
-        if not chords:
-            break
-        vertices, lost = yield from _vertices(chords, tolerance)
-        loose += lost
-        todo = []
-        for chord, vertex in zip(chords, vertices):
-            lines[chord.line].insert(_index(lines[chord.line], chord.end), vertex)
-            if np.linalg.norm(vertex - chord.middle) > 2.0 * tolerance:
-                todo += [(chord.line, chord.start, vertex), (chord.line, vertex, chord.end)]
-    return lines, loose
+
+    def __init__(self, tree: Tree, tolerance: float) -> None:
+        crossed = list(each_edge(tree))
+        self.tree, self.tolerance = tree, tolerance
+        self.parts: list[_Part] = list(dict.fromkeys(part for _, parts in crossed for part in parts))
+        self.leaves: list[Cell] = [leaf for leaf, parts in crossed if len(parts) == 2]
+        self.ends: list[tuple[_Part, _Part]] = [(parts[0], parts[1]) for _, parts in crossed if len(parts) == 2]
+        self.zeros: dict[_Part, np.ndarray] = {}
+        self.lines: dict[int, list[np.ndarray]] = {}
+        self.bent: set[int] = set()
+        self.loose: list[np.ndarray] = []
+
+    def hunts(self) -> Iterator[tuple["_Part | _Chord", _Search]]:
+        """For the zeros of all crossed edges."""
+        return ((part, zero(_bracket(self.tree, part), self.tolerance)) for part in self.parts)
+
+    def goes_on(self, key: "_Part | _Chord", found: "np.ndarray | _Vertex") -> list[tuple["_Part | _Chord", _Search]]:
+        """What is searched for after a zero or a vertex was found."""
+        if isinstance(key, _Chord):
+            assert isinstance(found, _Vertex)  # what is found across a chord
+            chords = self._bend(key, found)
+        else:
+            assert isinstance(found, np.ndarray)
+            chords = self._joins(key, found)
+        long = [chord for chord in chords if chord.length > 2.0 * self.tolerance and np.all(np.isfinite(chord.slope))]
+        return [(chord, _vertex(chord, self.tolerance)) for chord in long]
+
+    def _joins(self, part: _Part, place: np.ndarray) -> list["_Chord"]:
+        """The chords that can be bent now that one more zero is known."""
+        self.zeros[part] = place
+        for n, (one, other) in enumerate(self.ends):
+            if n not in self.lines and one in self.zeros and other in self.zeros:
+                self.lines[n] = [self.zeros[one], self.zeros[other]]
+        ready = [n for n in self.lines if n not in self.bent and all(m in self.lines for m in self._beside(n))]
+        self.bent.update(ready)
+        return [self._chord(n, 0, *self.lines[n]) for n in sorted(ready)]
+
+    def _beside(self, n: int) -> list[int]:
+        """A line and those that share an end with it."""
+        return [m for m, parts in enumerate(self.ends) if set(parts) & set(self.ends[n])]
+
+    def _chord(self, n: int, depth: int, start: np.ndarray, end: np.ndarray) -> "_Chord":
+        near = _neighbours([self.lines[m] for m in self._beside(n)])
+        slope = gradient(self.tree.lattice, self.tree.values, self.leaves[n])
+        return _Chord(n, depth, start, end, slope, _expected(start, end, near))
+
+    def _bend(self, chord: "_Chord", found: "_Vertex") -> list["_Chord"]:
+        """A line with one more vertex, and its chords that are to be bent again."""
+        line, vertex = self.lines[chord.line], found.place
+        line.insert(_index(line, chord.end), vertex)
+        self.loose += found.lost
+        if chord.depth == _BENDS - 1 or np.linalg.norm(vertex - chord.middle) <= 2.0 * self.tolerance:
+            return []
+        ends = (chord.start, vertex), (vertex, chord.end)
+        return [self._chord(chord.line, chord.depth + 1, *pair) for pair in ends]
 
 
 def _neighbours(lines: list[list[np.ndarray]]) -> dict[bytes, list[np.ndarray]]:
@@ -226,48 +261,44 @@ def _normal(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return across / max(float(np.linalg.norm(across)), 1e-300)
 
 
-def _vertices(
-    chords: list[_Chord], tolerance: float
-) -> Generator[Places, list[float], tuple[list[np.ndarray], list[np.ndarray]]]:
-    """The zero across the middle of each chord: one Newton step from where it is expected where that is short, else
+@frozen
+class _Vertex:
+    """What was found across the middle of a chord, and where a zero was looked for but not met."""
+
+    place: np.ndarray = field(eq=False)
+    lost: tuple[np.ndarray, ...] = field(default=(), eq=False)
+
+
+def _vertex(chord: _Chord, tolerance: float) -> Generator[Places, list[float], _Vertex]:
+    """The zero across the middle of a chord: one Newton step from where it is expected where that is short, else
     bracketed and narrowed.
 
-    Where no other sign is found within half the chord's length the expected place itself is returned, and is among the
-    loose places.
+    Where no other sign is found within half the chord's length the expected place itself is returned, and is lost.
     """
-    values = yield [tuple(float(x) for x in chord.expected) for chord in chords]
-    steps = [chord.step(v) if np.isfinite(v) else np.zeros(2) for chord, v in zip(chords, values)]
-    found = [np.clip(chord.expected + step, 0.0, 1.0) for chord, step in zip(chords, steps)]
-    far = [k for k, step in enumerate(steps) if np.linalg.norm(step) > 0.5 * tolerance]
-    brackets = yield from _bracketed([(chords[k], values[k], steps[k]) for k in far])
-    hits = [bracket for bracket in brackets if bracket is not None]
-    zeros = iter((yield from narrow(hits, tolerance)))
-    lost = []
-    for k, bracket in zip(far, brackets):
-        found[k] = next(zeros) if bracket is not None else chords[k].expected
-        lost += [] if bracket is not None else [chords[k].expected, np.clip(chords[k].expected + steps[k], 0.0, 1.0)]
-    return found, lost
+    (value,) = yield [as_place(chord.expected)]
+    step = chord.step(value) if np.isfinite(value) else np.zeros(2)
+    there = np.clip(chord.expected + step, 0.0, 1.0)
+    if np.linalg.norm(step) <= 0.5 * tolerance:
+        return _Vertex(there)
+    bracket = yield from _bracketed(chord, value, step)
+    if bracket is None:
+        return _Vertex(chord.expected, (chord.expected, there))
+    return _Vertex((yield from zero(bracket, tolerance)))
 
 
-def _bracketed(starts: list[tuple[_Chord, float, np.ndarray]]) -> Generator[Places, list[float], list[Bracket | None]]:
-    """Brackets from the expected places along their steps, the steps tripled until the sign changes; None where it
-    does not.
+def _bracketed(chord: _Chord, value: float, step: np.ndarray) -> Generator[Places, list[float], Bracket | None]:
+    """A bracket from the expected place, which has the rate `value`, along a step that is tripled until the sign
+    changes; None where it does not.
     """
-    brackets: list[Bracket | None] = [None] * len(starts)
-    reach = dict.fromkeys(range(len(starts)), 1.2)
-    while reach:
-        ends = {k: np.clip(starts[k][0].expected + reach[k] * starts[k][2], 0.0, 1.0) for k in reach}
-        values = yield [tuple(float(x) for x in end) for end in ends.values()]
-        for (k, end), value in zip(ends.items(), values):
-            chord, at_expected, step = starts[k]
-            if opposite(at_expected, value):
-                brackets[k] = Bracket(chord.expected, end, at_expected, value)
-                del reach[k]
-            elif reach[k] * np.linalg.norm(step) >= 0.5 * chord.length or not np.isfinite(value):
-                del reach[k]
-            else:
-                reach[k] *= 3.0
-    return brackets
+    reach = 1.2
+    while True:
+        end = np.clip(chord.expected + reach * step, 0.0, 1.0)
+        (there,) = yield [as_place(end)]
+        if opposite(value, there):
+            return Bracket(chord.expected, end, value, there)
+        if reach * np.linalg.norm(step) >= 0.5 * chord.length or not np.isfinite(there):
+            return None
+        reach *= 3.0
 
 
 def _index(line: list[np.ndarray], point: np.ndarray) -> int:

@@ -1,6 +1,8 @@
-"""Zeros of a rate along lines between two places, hunted for side by side by Chandrupatla's method (1997)."""
+"""Zeros of a rate along lines between two places, and searches that go on side by side."""
 
-from collections.abc import Generator
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from typing import TypeVar
 
 import numpy as np
 from attrs import frozen
@@ -8,6 +10,40 @@ from attrs import frozen
 from cosim.sweeps.quadtree import opposite
 
 Places = list[tuple[float, ...]]
+Key = TypeVar("Key")
+Found = TypeVar("Found")
+
+
+def as_place(where: np.ndarray) -> tuple[float, ...]:
+    """A place (d,) as it is asked for."""
+    return tuple(float(x) for x in where)
+
+
+def side_by_side(
+    first: Iterable[tuple[Key, Generator[Places, list[float], Found]]],
+    then: Callable[[Key, Found], Iterable[tuple[Key, Generator[Places, list[float], Found]]]],
+) -> Generator[Places, list[float], None]:
+    """Searches that ask for places and are sent their rates: a round holds what all of them ask for.
+
+    then: told the key and the result of each that ends, answers with further ones, which join the next round.
+    """
+    begun = deque(first)
+    live: list[tuple[Key, Generator[Places, list[float], Found], Places]] = []
+    while begun or live:
+        values = iter((yield [place for _, _, asked in live for place in asked]) if live else ())
+        was, live = live, []
+        for key, search, asked in was:
+            rates = [next(values) for _ in asked]
+            try:
+                live.append((key, search, search.send(rates)))
+            except StopIteration as end:
+                begun.extend(then(key, end.value))
+        while begun:
+            key, search = begun.popleft()
+            try:
+                live.append((key, search, next(search)))
+            except StopIteration as end:
+                begun.extend(then(key, end.value))
 
 
 @frozen
@@ -24,10 +60,8 @@ class Bracket:
         return self.low + share * (self.high - self.low)
 
 
-def narrow(
-    brackets: list[Bracket], tolerance: float, rounds: int = 60
-) -> Generator[Places, list[float], list[np.ndarray]]:
-    """Zeros inside brackets by Chandrupatla's method (1997), all brackets together, one value each a round.
+def zero(bracket: Bracket, tolerance: float, rounds: int = 60) -> Generator[Places, list[float], np.ndarray]:
+    """The zero inside a bracket by Chandrupatla's method (1997), one value a round.
 
     A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
     to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
@@ -35,15 +69,13 @@ def narrow(
     end, needs no value more: its zero is within the tolerance of the estimate, and near it where the rate does not
     jump.
     """
-    hunts = [_Hunt(bracket, tolerance) for bracket in brackets]
+    hunt = _Hunt(bracket, tolerance)
     for _ in range(rounds):
-        open_ones = [hunt for hunt in hunts if not hunt.done]
-        if not open_ones:
+        if hunt.done:
             break
-        values = yield [tuple(float(x) for x in hunt.bracket.along(hunt.next())) for hunt in open_ones]
-        for hunt, value in zip(open_ones, values):
-            hunt.learn(value)
-    return [hunt.bracket.along(hunt.estimate()) for hunt in hunts]
+        (value,) = yield [as_place(bracket.along(hunt.next()))]
+        hunt.learn(value)
+    return bracket.along(hunt.estimate())
 
 
 class _Hunt:

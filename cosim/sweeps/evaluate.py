@@ -50,7 +50,7 @@ _REPLAY_EVERY = 200
 """One in so many of the kernel's points is run by the FMUs too."""
 _SHARP = 0.2
 """Where the tracer of a boundary asks for a rate, a run ends only when half the interval of it is at most this part of
-it: what the tracer takes a rate near zero for (see `cosim.sweeps.bracket.narrow`)."""
+it: what the tracer takes a rate near zero for (see `cosim.sweeps.bracket.zero`)."""
 
 
 @frozen

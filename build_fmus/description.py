@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
 from build_fmus.header import nominal
+from build_fmus.homes import GENERATOR
 from build_fmus.table import ModelTable, ModelVariable, Scalar
 from build_fmus.units import BASE, exponents, per_second, quantity
 
-GENERATOR = "haptic-cosim build-fmus"
 LICENCE = "MIT"
 COPYRIGHT = "Copyright (c) 2026 The haptic-cosim authors"
 LOG_CATEGORIES = {

@@ -1,9 +1,12 @@
-"""Where the sources of models are."""
+"""Where the sources of models are, and what FMUs built of them say of that."""
 
 from functools import cache, lru_cache
 from pathlib import Path
 
 from build_fmus.errors import BuildError
+
+GENERATOR = "haptic-cosim build-fmus"
+"""The tool that our FMUs name."""
 
 
 @cache

@@ -32,12 +32,13 @@ def unchanged_file(name: str, make: Callable[[], Path]) -> Path:
     return found if found.is_file() else make()
 
 
-def stamps() -> list[Stamp]:
-    """Of every file that decides what is built."""
+@cache
+def stamps() -> tuple[Stamp, ...]:
+    """Of every file that decides what is built, as they were when this process first asked."""
     root = source_root()
     ours = (*_of_folder(str(root)), *_of_folder(str(Path(__file__).parent)))
     beside = (path for path in (root.parent / "LICENSE", *_of_packages()) if path.is_file())
-    return sorted((*ours, *(_stamp(str(path), path.stat()) for path in beside)))
+    return tuple(sorted((*ours, *(_stamp(str(path), path.stat()) for path in beside))))
 
 
 def _of_folder(folder: str) -> Iterator[Stamp]:

@@ -209,7 +209,7 @@ def _takes_slopes(model: Any) -> bool:
 
 
 def _ours(model: Any) -> bool:
-    from build_fmus.description import GENERATOR
+    from build_fmus.homes import GENERATOR
 
     return model.generationTool == GENERATOR
 

@@ -44,7 +44,7 @@ class FmuInstance(Instance):
         FMUs of others are asked to talk unless that is turned off, since many tell the reason of an error only then;
         ours tell it anyway.
         """
-        from build_fmus.description import GENERATOR
+        from build_fmus.homes import GENERATOR
 
         others = self.description.tool != GENERATOR
         try:

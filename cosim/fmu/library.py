@@ -1,7 +1,6 @@
 """The shared library of an FMU: functions that it may lack, platforms that it is there for."""
 
 import ctypes
-import inspect
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -16,19 +15,35 @@ def tolerant(kind: type) -> type:
 
     What is absent is absent from `_functions` too. Loading raises an exception that names what no run can do without.
     """
+    typed: dict[str, tuple[Any, Any, Any]] = {}
 
     def load(self: Any) -> None:
-        whole, self.dll = self.dll, _Filled(self.dll)
-        try:
-            kind._loadFunctions(self)  # type: ignore[attr-defined] - the class comes from fmpy
-        finally:
-            self.dll = whole
+        if typed:
+            found = ((name, getattr(self.dll, name, None), types) for name, types in typed.items())
+            self._functions.update((name, _typed(function, *types)) for name, function, types in found)
+        else:
+            self._functions.update(_from_fmpy(kind, self))
+            typed.update((n, (f.argnames, f.argtypes, f.restype)) for n, f in self._functions.items())
         _drop_absent(self._functions)
 
-    for name, function in inspect.getmembers(kind, inspect.isfunction):
-        if name.startswith("fmi"):  # fmpy asks for the signature of each with every instance: Python keeps this one
-            vars(function).setdefault("__signature__", inspect.signature(function))
     return type(kind.__name__, (kind,), {"_loadFunctions": load})
+
+
+def _from_fmpy(kind: type, one: Any) -> dict[str, Any]:
+    """The functions of an FMU's library as fmpy's class finds and types them, which takes it a millisecond."""
+    whole, one.dll = one.dll, _Filled(one.dll)
+    try:
+        kind._loadFunctions(one)  # type: ignore[attr-defined] - the class comes from fmpy
+    finally:
+        one.dll = whole
+    return one._functions
+
+
+def _typed(function: Any, argnames: Any, argtypes: Any, restype: Any) -> Any:
+    """A function of a library with the types that fmpy found for another FMU of the same kind."""
+    function = function or _Absent()
+    function.argnames, function.argtypes, function.restype = argnames, argtypes, restype
+    return function
 
 
 def _drop_absent(functions: dict[str, Any]) -> None:

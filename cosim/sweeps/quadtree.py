@@ -121,11 +121,15 @@ class Tree:
 
     def along(self, edge: tuple[Node, Node]) -> list[Node]:
         """Known nodes on an edge from end to end, those of finer neighbours included."""
-        (i0, j0), (i1, j1) = edge
-        length = max(i1 - i0, j1 - j0)
-        di, dj = (i1 - i0) // length, (j1 - j0) // length
-        nodes = ((i0 + di * k, j0 + dj * k) for k in range(length + 1))
-        return [node for node in nodes if node in self.values]
+        low, high = edge
+        return [node for node in (low, *self._between(low, high), high) if node in self.values]
+
+    def _between(self, low: Node, high: Node) -> tuple[Node, ...]:
+        """Known nodes between two: a cell is halved, so that there are none where the middle is not known."""
+        middle = (low[0] + high[0]) // 2, (low[1] + high[1]) // 2
+        if middle == low or middle not in self.values:
+            return ()
+        return *self._between(low, middle), middle, *self._between(middle, high)
 
     def sign_changes(self, edge: tuple[Node, Node]) -> list[tuple[Node, Node]]:
         """Parts of an edge between neighbouring known nodes where the sign changes."""

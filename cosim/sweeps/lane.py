@@ -148,9 +148,14 @@ class LaneComponent:
 @cache
 def _references(model: str) -> Mapping[str, int]:
     """Value references of a model of ours by name."""
-    from build_fmus.sources import model_table
+    from build_fmus.unchanged import unchanged
 
-    return {scalar.name: scalar.reference for scalar in model_table(model).scalars}
+    def references() -> dict[str, int]:
+        from build_fmus.sources import model_table
+
+        return {scalar.name: scalar.reference for scalar in model_table(model).scalars}
+
+    return unchanged("references", model, references)
 
 
 @frozen

@@ -175,7 +175,7 @@ class _AskedPoints:
         taken = {p.key for p in missing}
         beside = [p for p in self._unknown(self.ahead.values()) if p.key not in taken][:room]
         self._report()
-        dealt = _dealt(missing, beside, self.workers.count)
+        dealt = _dealt(sorted(missing, key=_choices), beside, self.workers.count)
         self.workers.spare = self._unknown(self.ahead.values())
         for answered, findings in self.workers.answers(self.task, dealt, self.chunk):
             self.done += sum(p.key in self.asked and p.key not in self.journal.findings for p in answered)
@@ -193,6 +193,11 @@ class _AskedPoints:
     def _report(self) -> None:
         if self.tell:
             self.tell(SweepProgress(self.done, len(self.asked), self.fresh, time.perf_counter() - self.began))
+
+
+def _choices(point: Point) -> list[str]:
+    """What was chosen by name, a model perhaps: the batch kernel runs points together that have it in common."""
+    return [entry for entry in point.entries if isinstance(entry, str)]
 
 
 def _dealt(asked: Round, beside: Round, count: int) -> Round:

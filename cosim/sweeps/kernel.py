@@ -1,9 +1,9 @@
 """The batch kernel: many scenarios of the built-in loop at once, in the vector lanes of fmu_src/kernel/kernel.c.
 
 It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to arms with rigid
-joints and without encoders (PHANToMs and serial arms), whatever their friction, P-like controllers, channels of every
-semantics, hands and environments, and components that nothing is wired into (an operator that does not feel the arm),
-whose signals are computed beforehand by the FMUs themselves. `lane_refusal` says why it does not apply; then the
+joints and without encoders (PHANToMs and serial arms), whatever their friction, all controllers of ours, channels of
+every semantics, hands and environments, and components that nothing is wired into (an operator that does not feel the
+arm), whose signals are computed beforehand by the FMUs themselves. `lane_refusal` says why it does not apply; then the
 co-simulation does.
 """
 
@@ -255,6 +255,7 @@ class _Call:
             inputs=self.layout.inputs[i],
             n_outputs=self.places.counts[i],
             first=self.places.first[i],
+            outputs=self.layout.outputs[i],
         )
         if part.model:
             self._give_starts(native, i)

@@ -13,11 +13,17 @@ from attrs import evolve, field, frozen
 
 from cosim.engine.master import run
 from cosim.errors import RunError
-from cosim.signals import FmuDescription
+from cosim.signals import FmuDescription, stem
 from cosim.wiring import Wiring
 
 HELD = {
-    "PhantomArm": {"q_link": ("q",), "dq_link": ("dq",), "x_tip": ("x", "x_tip"), "dx_tip": ("dx", "dx_tip")},
+    "PhantomArm": {
+        "q_link": ("q",),
+        "dq_link": ("dq",),
+        "x_tip": ("x", "x_tip"),
+        "dx_tip": ("dx", "dx_tip"),
+        "f_contact": ("f_contact",),
+    },
     "PLikeController": {"f": ("f",), "tau": ("tau",)},
     "VariableDelayChannel": {"y": ("y",), "w": ("w",)},
     "Operator": {"f": ("f",)},
@@ -33,9 +39,19 @@ HELD = {
         "f_contact": ("f_contact",),
         "saturated": ("saturated",),
     },
+    "PDLikeController": {},
+    "PositionForceController": {},
+    "FourChannelController": {},
+    "WaveController": {},
+    "PassivityController": {},
+    "TwoLayerController": {},
+    "ModelMediatedController": {},
+    "AdaptiveController": {},
+    "PDController": {},
+    "InverseDynamicsController": {},
 }
-"""Models that the kernel has, which of their vectors its store holds, and the outputs that have the same values: an arm
-without effects measures what is.
+"""Models that the kernel has, which of their vectors its store holds (none: all outputs), and the outputs that have the
+same values: an arm without effects measures what is.
 """
 ARMS = ("PhantomArm", "SerialArm")
 CHANNELS = ("VariableDelayChannel", "PacketChannel")
@@ -55,7 +71,8 @@ class LaneComponent:
     """A component: what it is, which of its inputs are wired, start values.
 
     model: empty for a series, a component that the kernel does not have and whose outputs are computed beforehand;
-    inputs: without the delay of a channel, which is known beforehand too.
+    inputs: without the delay of a channel, which is known beforehand too; held: vectors that the store holds, with the
+    outputs that show them.
     """
 
     name: str
@@ -64,26 +81,25 @@ class LaneComponent:
     outputs: tuple[str, ...]
     starts: Mapping[str, float | str]
     description: FmuDescription
+    held: Mapping[str, tuple[str, ...]]
 
     @classmethod
     def of(cls, wiring: Wiring, name: str) -> LaneComponent:
         model = wiring.scenario.components[name].model or ""
         inputs = tuple(v for v in wiring.inputs(name) if v != "delay" or model not in CHANNELS)
-        return cls(
-            name,
-            model if model in HELD and not (model in _SERIES_ALONE and not inputs) else "",
-            inputs,
-            tuple(wiring.outputs(name)),
-            wiring.starts[name],
-            wiring.descriptions[name],
-        )
+        known = model if model in HELD and not (model in _SERIES_ALONE and not inputs) else ""
+        held = HELD.get(known, {})
+        if known == "PhantomArm" and not _felt(wiring, name):
+            held = {kind: shown for kind, shown in held.items() if kind != "f_contact"}
+        outputs, starts, description = tuple(wiring.outputs(name)), wiring.starts[name], wiring.descriptions[name]
+        return cls(name, known, inputs, outputs, starts, description, held)
 
     def starting(self, wiring: Wiring) -> LaneComponent:
         """The component with the start values of a wiring of the same structure."""
         starts, description = wiring.starts[self.name], wiring.descriptions[self.name]
         if starts is self.starts and description is self.description:
             return self
-        return LaneComponent(self.name, self.model, self.inputs, self.outputs, starts, description)
+        return LaneComponent(self.name, self.model, self.inputs, self.outputs, starts, description, self.held)
 
     @classmethod
     def all(cls, wiring: Wiring) -> tuple[LaneComponent, ...]:
@@ -123,26 +139,31 @@ class LaneComponent:
     @property
     def sizes(self) -> list[int]:
         """How many numbers of each of its vectors the kernel's store holds."""
-        return [len(self.description.elements(same[0])) for same in HELD[self.model].values()]
+        return [len(self.description.elements(same[0])) for same in self.held.values()]
 
     @property
     def count(self) -> int:
         """How many numbers of it the kernel's store holds."""
-        return sum(self.sizes) if self.model else len(self.outputs)
+        return sum(self.sizes) if self.held else len(self.outputs)
 
     @property
     def computed(self) -> list[tuple[str, int]]:
         """Outputs that the kernel has, with their places among what its store holds."""
-        if not self.model:
+        if not self.held:
             return [(name, i) for i, name in enumerate(self.outputs)]
         firsts = itertools.accumulate(self.sizes, initial=0)
         places = {
             element: first + i
-            for first, same in zip(firsts, HELD[self.model].values())
+            for first, same in zip(firsts, self.held.values())
             for output in same
             for i, element in enumerate(self.description.elements(output))
         }
         return [(name, places[name]) for name in self.outputs if name in places]
+
+
+def _felt(wiring: Wiring, name: str) -> bool:
+    """Whether a contact that an arm has of its own is felt by another component."""
+    return any(link.source.component == name and stem(link.source.variable) == "f_contact" for link in wiring.links)
 
 
 @cache

@@ -31,6 +31,9 @@ class LaneLayout:
         self.rates: np.ndarray = self._of_arms("dq")
         self.saturated: np.ndarray = self._of_arms("saturated")
         self.inputs: list[int] = [self.arena.indices(part.places(part.inputs)) for part in self.parts]
+        self.outputs: list[int] = [
+            0 if part.held or not part.model else self.arena.indices(part.places(part.outputs)) for part in self.parts
+        ]
         self.turns: int = self.arena.structures((NativeTurn * 2)(self._turn(0), self._turn(1)))
         place = {str(link.target): self.places.number[str(link.source)] for link in wiring.links}
         sources = [[place[f"{part.name}.{v}"] for v in part.inputs] for part in self.parts]

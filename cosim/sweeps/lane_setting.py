@@ -11,8 +11,11 @@ from cosim.sweeps.lane import CHANNELS, Feed, LaneComponent
 from cosim.sweeps.lane_delays import delays_of
 from cosim.wiring import Wiring
 
-_OF_ALL_LANES = ("joints", "joint_type", "coupling_on", "coupling_from")
-"""Start values of a serial arm that all lanes of a call have in common."""
+_OF_ALL_LANES = {
+    "SerialArm": ("joints", "joint_type", "coupling_on", "coupling_from"),
+    "PDController": ("difference_samples", "delay_samples"),
+}
+"""Start values of a model that all lanes of a call have in common."""
 
 
 @frozen
@@ -32,11 +35,11 @@ class LaneSetting:
     @property
     def shared(self) -> tuple[object, ...]:
         """What all lanes of a call must have in common: internal steps, which channels delay packets, which joints
-        serial arms have.
+        serial arms have, how late samples are.
         """
         steps = (p.number("internal_steps") for p in self.parts if "internal_steps" in p.description.variables)
-        joints = (p.number(v) for p in self.parts if p.model == "SerialArm" for v in p.elements(_OF_ALL_LANES))
-        return *steps, *(p.packets for p in self.parts), *joints
+        own = (p.number(v) for p in self.parts for v in p.elements(_OF_ALL_LANES.get(p.model, ())))
+        return *steps, *(p.packets for p in self.parts), *own
 
 
 def _series(wiring: Wiring, part: LaneComponent, feed: Feed) -> np.ndarray | None:

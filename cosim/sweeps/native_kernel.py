@@ -20,6 +20,7 @@ class NativeComponent(ctypes.Structure):
         ("inputs", c_void_p),
         ("n_outputs", c_int64),
         ("first", c_int64),
+        ("outputs", c_void_p),
         ("n_starts", c_int64),
         ("started", c_void_p),
         ("starts", c_void_p),

@@ -11,6 +11,7 @@
 #define SERIAL_H
 
 #include "elementary.h"
+#include "../shared/vector.h"
 
 #define SERIAL_MOST 12                                                     /* joints */
 enum { SERIAL_REVOLUTE = 1, SERIAL_CONTINUOUS = 2, SERIAL_PRISMATIC = 3 }; /* values of joint_type */
@@ -50,15 +51,6 @@ static inline int serial_slides(double type) {
 
 /* ---- vectors and matrices ---- */
 
-/* c = a x b */
-static inline void cross(const real a[3], const real b[3], real c[3]) {
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-static inline real dot(const real a[3], const real b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 /* b = R a */
 static inline void turn(const real r[9], const real a[3], real b[3]) {
     for (int i = 0; i < 3; i++) b[i] = r[3 * i] * a[0] + r[3 * i + 1] * a[1] + r[3 * i + 2] * a[2];

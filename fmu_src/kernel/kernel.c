@@ -3,9 +3,10 @@
  * It holds no physics: laws and structs of the models are those of the FMUs (law.h of each), and so is Runge-Kutta 4,
  * compiled for vector lanes. Its own are lanes, store, schedule, histories and records. The schedule's operations and the
  * inputs along lines are those of shared/stepping.h and executor/executor.c in the same order of arithmetic: each lane has
- * the bits that the co-simulation of the FMUs has. Components: arms with rigid joints, P-like controllers, channels,
- * operators whose hand feels the arm, environments, and series (what feels nothing), whose values the FMU computed beforehand.
+ * the bits that the co-simulation of the FMUs has. Components: arms with rigid joints, controllers, channels, operators
+ * whose hand feels the arm, environments, and series (what feels nothing), whose values the FMU computed beforehand.
  */
+#include "controllers.h"
 #include "course.h"
 #include "delay.h"
 #include "serial_arm.h"
@@ -87,7 +88,7 @@ static void start_series(Part *a, const Component *c, real *out) {
 static void start(Part *a, const Component *c, double size, real *out) {
     switch (c->kind) {
     case ARM:
-        start_arm(a, out);
+        start_arm(a, c, out);
         return;
     case SERIAL_ARM:
         start_serial(a, c, out);
@@ -109,15 +110,18 @@ static void start(Part *a, const Component *c, double size, real *out) {
         a->normal = environment_normal(&a->model.environment);
         environment_outputs(&a->model.environment, &a->normal, out);
         return;
-    default:
+    case SERIES:
         start_series(a, c, out);
+        return;
+    default:
+        start_controller(a, c, out);
     }
 }
 
 static void step(Part *a, const Component *c, int64_t done, double time, double size, real *out) {
     switch (c->kind) {
     case ARM:
-        step_arm(a, time, size, out);
+        step_arm(a, c, time, size, out);
         return;
     case SERIAL_ARM:
         step_serial(a, c, time, size, out);
@@ -141,13 +145,16 @@ static void step(Part *a, const Component *c, int64_t done, double time, double 
     case ENVIRONMENT:
         environment_outputs(&a->model.environment, &a->normal, out);
         return;
-    default:
+    case SERIES:
         if (a->varies) show_series(c, done + 1, a->alike, out);
+        return;
+    default:
+        step_controller(a, c, size, out);
     }
 }
 
 static inline int moves_along_lines(const Component *c) {
-    return c->kind == ARM || c->kind == OPERATOR || c->kind == SERIAL_ARM;
+    return c->kind == ARM || c->kind == OPERATOR || c->kind == SERIAL_ARM || c->kind == WAVE || c->kind == ADAPTIVE;
 }
 
 /* --- the schedule ------------------------------------------------------------------------------------------------- */
@@ -180,27 +187,27 @@ static inline real *outputs(const Job *job, const Component *c, int64_t done) {
     return job->store + done % 2 * job->n_places + c->first;
 }
 
+/* A component before its start. */
+static void refresh(Part *a, const Component *c) {
+    memset(a, 0, sizeof *a);
+    if (c->serial) memset(c->serial, 0, sizeof(SerialPart));
+    a->serial = c->serial;
+    a->values = c->serial ? (real *)&a->serial->model : (real *)&a->model;
+    for (int64_t k = 0; k < models[c->kind].n_values; k++) a->values[k] = real_of(models[c->kind].start[k]);
+    for (int64_t k = 0; k < c->n_starts; k++) a->values[c->started[k]] = c->starts[k];
+}
+
 /* As master.initialise: outputs to inputs until nothing changes any more. */
 static void initialise(Job *job, Part *work, const int64_t *const *sources) {
+    for (int64_t i = 0; i < job->n_components; i++) refresh(work + i, job->components + i);
     for (int64_t round = 0; round <= job->n_components + 1; round++)
         for (int64_t i = 0; i < job->n_components; i++) {
             const Component *c = job->components + i;
+            if (is_controller(c)) refresh(work + i, c); /* what it remembers */
             for (int64_t k = 0; k < c->n_inputs; k++) values_of(work + i)[c->inputs[k]] = job->store[sources[i][k]];
             start(work + i, c, job->step_ns / 1e9, outputs(job, c, 0));
         }
     memcpy(job->store + job->n_places, job->store, (size_t)job->n_places * sizeof(real));
-}
-
-static void prepare(Job *job, Part *work) {
-    for (int64_t i = 0; i < job->n_components; i++) {
-        const Component *c = job->components + i;
-        memset(work + i, 0, sizeof *work);
-        if (c->serial) memset(c->serial, 0, sizeof(SerialPart));
-        work[i].serial = c->serial;
-        real *values = work[i].values = c->serial ? (real *)&work[i].serial->model : (real *)&work[i].model;
-        for (int64_t k = 0; k < models[c->kind].n_values; k++) values[k] = real_of(models[c->kind].start[k]);
-        for (int64_t k = 0; k < c->n_starts; k++) values[c->started[k]] = c->starts[k];
-    }
 }
 
 static void record(const Job *job, const int64_t *columns, int64_t done) {
@@ -305,7 +312,6 @@ static int follow(Job *job, const Turn *turn, int64_t done) {
 
 EXPORTED void run(Job *job, const int64_t *const *sources) {
     Part *work = job->work;
-    prepare(job, work);
     initialise(job, work, sources);
     for (int lane = 0; lane < LANES; lane++) job->outcome[lane] = 0, job->ended[lane] = job->steps;
     record(job, job->turns[0].columns, 0);

@@ -4,6 +4,8 @@
 
 #include "part.h"
 
+#define APART __attribute__((noinline)) /* large functions, put into the loop of steps, make PHANToMs slower */
+
 /* --- arm ---------------------------------------------------------------------------------------------------------- */
 
 /* u(t_n + offset) = u(t_n) + slope offset, inputs along lines. */
@@ -88,19 +90,22 @@ static void note_effects(Part *a) {
         arm_has(m->coupling_viscous, 6) || arm_has(m->coupling_coulomb, 6) || arm_has(m->coupling_stiffness, 6);
 }
 
-static void show_arm(Part *a, real *out) {
+static void show_arm(Part *a, const Component *c, real *out) {
     const PhantomArmModel *m = &a->model.arm;
     a->pose = arm_pose(m->q_link);
     for (int i = 0; i < 3; i++) out[i] = m->q_link[i], out[3 + i] = m->dq_link[i];
     arm_position(&a->pose, out + 6);
     arm_velocity(&a->pose, m->dq_link, out + 9);
+    if (c->n_outputs == 12) return;
+    for (int i = 0; i < 3; i++) out[12 + i] = m->f_contact[i];
+    if (m->walled != 0) arm_contact_force(m, &a->pose, m->dq_link, out + 12);
 }
 
-static void start_arm(Part *a, real *out) {
+static void start_arm(Part *a, const Component *c, real *out) {
     arm_start(&a->model.arm);
     arm_keep(&a->model.arm);
     note_effects(a);
-    show_arm(a, out);
+    show_arm(a, c, out);
 }
 
 static inline void move_arm(Part *a, Rates *moving, int n, double size) {
@@ -124,13 +129,13 @@ static void step_arm_with_effects(Part *a, double size) {
     arm_stay_inside(m, ARM_EFFECT_STATES);
 }
 
-static void step_arm(Part *a, double time, double size, real *out) {
+static void step_arm(Part *a, const Component *c, double time, double size, real *out) {
     a->begun = time;
     if (a->effects & ~PLAIN_EFFECTS || a->coupled)
         step_arm_with_effects(a, size);
     else
         step_plain_arm(a, size);
-    show_arm(a, out);
+    show_arm(a, c, out);
 }
 
 /* --- operator ----------------------------------------------------------------------------------------------------- */

@@ -13,22 +13,42 @@
 #define inline inline __attribute__((always_inline))
 #endif
 
+#include "AdaptiveController_model.h"
 #include "ArmController_model.h"
 #include "Environment_model.h"
+#include "FourChannelController_model.h"
+#include "InverseDynamicsController_model.h"
+#include "ModelMediatedController_model.h"
 #include "Operator_model.h"
+#include "PDController_model.h"
+#include "PDLikeController_model.h"
 #include "PLikeController_model.h"
 #include "PacketChannel_model.h"
+#include "PassivityController_model.h"
 #include "PhantomArm_model.h"
+#include "PositionForceController_model.h"
 #include "SerialArm_model.h"
+#include "TwoLayerController_model.h"
 #include "VariableDelayChannel_model.h"
+#include "WaveController_model.h"
 
+#include "../AdaptiveController/law.h"
 #include "../ArmController/law.h"
 #include "../Environment/law.h"
+#include "../FourChannelController/law.h"
+#include "../InverseDynamicsController/law.h"
+#include "../ModelMediatedController/law.h"
 #include "../Operator/law.h"
+#include "../PDController/law.h"
+#include "../PDLikeController/law.h"
 #include "../PLikeController/law.h"
+#include "../PassivityController/law.h"
 #include "../PhantomArm/law.h"
+#include "../PositionForceController/law.h"
 #include "../SerialArm/law.h"
+#include "../TwoLayerController/law.h"
 #include "../VariableDelayChannel/law.h"
+#include "../WaveController/law.h"
 #include "../shared/layout.h"
 
 #define ARM_EFFECT_STATES 15 /* q_link, dq_link, z, z_short, z_long */
@@ -36,17 +56,37 @@
 #define MOST_STATES (SERIAL_STATE_KINDS * SERIAL_MOST)
 #include "../shared/runge_kutta.h"
 
-enum { ARM, CONTROLLER, CHANNEL, OPERATOR, ENVIRONMENT, ARM_CONTROLLER, PACKET_CHANNEL, SERIAL_ARM, SERIES };
+enum {
+    ARM,
+    CONTROLLER,
+    CHANNEL,
+    OPERATOR,
+    ENVIRONMENT,
+    ARM_CONTROLLER,
+    PACKET_CHANNEL,
+    SERIAL_ARM,
+    PD_LIKE,
+    POSITION_FORCE,
+    FOUR_CHANNEL,
+    WAVE,
+    PASSIVITY,
+    TWO_LAYER,
+    MODEL_MEDIATED,
+    ADAPTIVE,
+    PD,
+    INVERSE_DYNAMICS,
+    SERIES
+};
 
 /* A model: its variables by their value references, their start values, and the vectors that the store holds
- * of them. */
+ * of them; none: all of their outputs. */
 static const struct {
     const char *name;
     int64_t n_values;
     const double *start;
     const char *held;
 } models[] = {
-    {"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip"},
+    {"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip f_contact"},
     {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
     {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
     {"Operator", Operator_VALUES, Operator_START, "f"},
@@ -54,6 +94,16 @@ static const struct {
     {"ArmController", ArmController_VALUES, ArmController_START, "f tau"},
     {"PacketChannel", PacketChannel_VALUES, PacketChannel_START, "y"},
     {"SerialArm", SerialArm_VALUES, SerialArm_START, "q_link dq_link x_tip dx_tip tau_motor f_contact saturated"},
+    {"PDLikeController", PDLikeController_VALUES, PDLikeController_START, ""},
+    {"PositionForceController", PositionForceController_VALUES, PositionForceController_START, ""},
+    {"FourChannelController", FourChannelController_VALUES, FourChannelController_START, ""},
+    {"WaveController", WaveController_VALUES, WaveController_START, ""},
+    {"PassivityController", PassivityController_VALUES, PassivityController_START, ""},
+    {"TwoLayerController", TwoLayerController_VALUES, TwoLayerController_START, ""},
+    {"ModelMediatedController", ModelMediatedController_VALUES, ModelMediatedController_START, ""},
+    {"AdaptiveController", AdaptiveController_VALUES, AdaptiveController_START, ""},
+    {"PDController", PDController_VALUES, PDController_START, ""},
+    {"InverseDynamicsController", InverseDynamicsController_VALUES, InverseDynamicsController_START, ""},
     {NULL, 0, NULL, NULL}};
 
 /* clang-format off */
@@ -65,6 +115,7 @@ static const struct {
     FIELD(int64_t, n_inputs)  FIELD(const int64_t *, inputs)  /* those that are wired */ \
     FIELD(int64_t, n_outputs)   /* that the store holds; SERIES: numbers in a row */ \
     FIELD(int64_t, first)       /* place of its first output in half a store */ \
+    FIELD(const int64_t *, outputs) /* controllers: numbers of their outputs */ \
     FIELD(int64_t, n_starts) FIELD(const int64_t *, started) FIELD(const real *, starts) /* instead of the table's */ \
     FIELD(const double *const *, series) /* CHANNEL: [LANES] delay at steps 0..n, infinite where a packet is lost; SERIES: [LANES][n + 1][n_outputs] */ \
     FIELD(const int64_t *, series_step)  /* [LANES] 1, or 0 where the series is one constant row */ \
@@ -109,10 +160,20 @@ typedef struct {
         VariableDelayChannelModel channel;
         PacketChannelModel packets;
         ArmControllerModel arm_controller;
+        PDLikeControllerModel pd_like;
+        PositionForceControllerModel position_force;
+        FourChannelControllerModel four_channel;
+        WaveControllerModel wave;
+        PassivityControllerModel passivity;
+        TwoLayerControllerModel two_layer;
+        ModelMediatedControllerModel model_mediated;
+        AdaptiveControllerModel adaptive;
+        PDControllerModel pd;
+        InverseDynamicsControllerModel inverse_dynamics;
         OperatorModel operator_;
         EnvironmentModel environment;
     } model;
-    real from[SerialArm_INPUTS], slopes[SerialArm_INPUTS]; /* arms: of its inputs along lines */
+    real from[SerialArm_INPUTS], slopes[SerialArm_INPUTS]; /* of what moves: of its inputs along lines */
     const Wire *lines;                                     /* ARM, OPERATOR: [n_lines] */
     int64_t n_lines;
     double moved;     /* ARM: s, how far along */

@@ -4,7 +4,6 @@
 
 #include "motion.h"
 
-#define APART __attribute__((noinline)) /* large functions, put into the loop of steps, make PHANToMs slower */
 #define PLAIN_SERIAL_EFFECTS (PLAIN_EFFECTS | PLAIN_BIT(torque_saturation))
 #define LIMITED(s) ((s)->effects & PLAIN_BIT(torque_saturation))
 

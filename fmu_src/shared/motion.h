@@ -1,17 +1,15 @@
-/* Controllers whose packets begin with the motion of their arm (motion.toml). */
+/* Controllers whose packets begin with the motion of their arm (motion.toml), of any model that has its rows. */
 #ifndef MOTION_H
 #define MOTION_H
 
 #include "port.h"
 
-static inline void send_motion(Model *m) {
-    for (int i = 0; i < 3; i++) m->x_sent[i] = m->x[i], m->dx_sent[i] = m->dx[i];
-}
+#define SEND_MOTION(m)                                                                                                 \
+    for (int axis = 0; axis < 3; axis++) (m)->x_sent[axis] = (m)->x[axis], (m)->dx_sent[axis] = (m)->dx[axis]
 
 /* The force of the coupling to the received motion, axis i (coupling.toml). */
-static inline double coupling_force(const Model *m, int i) {
-    return coupled(m->stiffness[i], m->derivative_gain[i], m->damping[i], m->x_received[i], m->x[i], m->dx_received[i],
-                   m->dx[i]);
-}
+#define COUPLING_FORCE(m, i)                                                                                           \
+    coupled((m)->stiffness[i], (m)->derivative_gain[i], (m)->damping[i], (m)->x_received[i], (m)->x[i],                \
+            (m)->dx_received[i], (m)->dx[i])
 
 #endif

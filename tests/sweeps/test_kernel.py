@@ -281,8 +281,9 @@ def test_refuses_loops_that_it_does_not_compute():
         assert lane_refusal(wiring, []) == "environment: its normal is zero"
         late = system.wiring(load_scenario("contact").with_values({"operator.stop_time": -1.0}))
         assert lane_refusal(late, []) == "operator: its stop_time is before its start_time"
-    with open_system(load_scenario("inverse-dynamics")) as system:
-        assert "feels what is wired into it" in lane_refusal(system.wiring(load_scenario("inverse-dynamics")), [])
+    with open_system(load_scenario("contact-force")) as system:
+        found = lane_refusal(system.wiring(load_scenario("contact-force")), [])
+        assert found == "observer: ForceObserver feels what is wired into it"
     with open_system(load_scenario("sallam-stable")) as system:
         wiring = system.wiring(load_scenario("sallam-stable"))
         below = load_scenario("recorded-delay").with_values({"trace.scale": -1.0})

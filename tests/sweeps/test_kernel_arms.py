@@ -10,6 +10,7 @@ from cosim.engine.master import run
 from cosim.engine.outcome import Outcome
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario
+from cosim.signals import stem
 from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import EVALUATORS, _signals, check, cosimulation, setup, simulation
 from cosim.sweeps.lane_refusal import lane_refusal
@@ -92,7 +93,8 @@ def same(name, stop, *values, record=RECORD):
     scenarios = [base.with_values(one) for one in values]
     with open_system(base) as system:
         wirings = [system.wiring(scenario) for scenario in scenarios]
-        record = [name for name in record if any(signal.startswith(name) for signal in wirings[0].signals)]
+        there = {stem(signal) for signal in wirings[0].signals}
+        record = [name for name in record if name in there]
         assert [lane_refusal(wiring, record) for wiring in wirings] == [None] * len(wirings)
         found = kernel.run_batch(wirings, record)
         for scenario, result in zip(scenarios, found, strict=True):

@@ -210,13 +210,19 @@ def _signals(wiring: Wiring) -> list[str]:
 
 
 def _by_kernel(setups: Sequence[PointSetup], task: Task) -> list[PointResult]:
-    """Results of points whose scenarios the batch kernel runs together; see `Sweep.sign_level`."""
+    """Results of points whose scenarios the batch kernel runs together; see `Sweep.sign_level`.
+
+    Raises RunError with the words of an FMU that refuses its start values.
+    """
     from cosim.sweeps.kernel import run_pairs
 
     pairs = [(one.wiring, _with(twin_wiring, one.wiring)) for one in setups]
     parts = [_SHARP if task.traced and not one.point.sign_alone else np.inf for one in setups]
     runs = run_pairs(pairs, _signals(pairs[0][0]), task.sign_level, parts)
-    return [_replayed(one, found, _found(one, found)) for one, found in zip(setups, runs)]
+    return [
+        _by_fmus(one) if found.refused else _replayed(one, found, _found(one, found))
+        for one, found in zip(setups, runs)
+    ]
 
 
 def _with(twin_of: Callable[[Wiring], Twin | None], wiring: Wiring) -> Twin:

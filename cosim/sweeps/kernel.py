@@ -24,6 +24,7 @@ from cosim.engine.native import Arena
 from cosim.engine.outcome import Outcome
 from cosim.engine.reference import Ending
 from cosim.engine.table import SignalTable
+from cosim.errors import RunError
 from cosim.sweeps.lane import CHANNELS, Feed
 from cosim.sweeps.lane_delays import longest
 from cosim.sweeps.lane_layout import LaneLayout, lane_layout
@@ -40,6 +41,7 @@ from cosim.sweeps.native_kernel import (
 from cosim.wiring import Wiring
 from cosim.wiring.schedule import seconds
 
+_REFUSED = 4  # outcome of a lane
 _BLOCKS = 6  # of an envelope, SIGN_BLOCKS in fmu_src/kernel/sign.h
 _LOOKS = tuple(2.0**-half for half in np.arange(0.0, 3.5, 0.5))
 """Shares of the run after which the sign of a growth rate is looked for: from an eighth of it to all of it."""
@@ -61,18 +63,25 @@ def run_batch(wirings: Sequence[Wiring], record: Sequence[str], workers: int = 1
     """The results of many scenarios that differ in parameters only, in their order.
 
     wirings: of scenarios with the same components, connections and experiment, each of which `lane_refusal` accepts;
-    record: signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's).
+    record: signals to keep, `arm_l.q` or `arm_l.q[1]`; workers: threads (the kernel holds no lock of Python's). Raises
+    RunError where start values are refused.
     """
-    return [result for result, _ in _runs(wirings, record, workers)]
+    runs = _runs(wirings, record, workers)
+    if any(run.refused for run in runs):
+        raise RunError(wirings[0].scenario.name, 0.0, "start values that an FMU refuses")
+    return [run.result for run in runs]
 
 
 @frozen
 class TwinRuns:
-    """A run and its twin. growth: rate [1/s] with the ends of its interval, where its sign was decided on the way."""
+    """A run and its twin. growth: rate [1/s] with the ends of its interval, where its sign was decided on the way;
+    refused: an FMU refuses the start values, and says why.
+    """
 
     result: Result
     twin: Result
     growth: tuple[float, float, float] | None = None
+    refused: bool = False
 
 
 @frozen
@@ -103,7 +112,10 @@ def run_pairs(
     if level is not None and lanes() > 1:
         ending = _EndOfPairs(student(level), tuple(parts or [np.inf] * len(pairs)))
     runs = _runs([wiring for pair in pairs for wiring in pair], record, 1, ending)
-    return [TwinRuns(result, twin, growth) for (result, growth), (twin, _) in zip(runs[::2], runs[1::2])]
+    return [
+        TwinRuns(one.result, twin.result, one.growth, one.refused or twin.refused)
+        for one, twin in zip(runs[::2], runs[1::2])
+    ]
 
 
 def student(level: float) -> float:
@@ -125,7 +137,13 @@ def _lane_stride(count: int, numbers: int) -> int:
     return count * (-(-numbers // 4) * 4) + 8
 
 
-_LaneRun = tuple[Result, tuple[float, float, float] | None]
+@frozen
+class _LaneRun:
+    """What became of a lane; see `TwinRuns`."""
+
+    result: Result
+    growth: tuple[float, float, float] | None
+    refused: bool
 
 
 def _runs(
@@ -301,15 +319,15 @@ class _Call:
             native.packets = self.arena.zeros((3 * native.capacity + 1) * self.width)
 
     def run(self, lane: int, wall: float) -> _LaneRun:
-        """What became of a lane, and its growth where the sign was decided."""
+        """What became of a lane."""
         sign = self.signs[lane // 2] if self.signs else None
         growth = (sign.rate, sign.low, sign.high) if sign and sign.sign else None
-        return self._result(lane, wall), growth
+        return _LaneRun(self._result(lane, wall), growth, bool(self.outcome[lane] == _REFUSED))
 
     def _result(self, lane: int, wall: float) -> Result:
         """The result of a lane, worded as the co-simulation would."""
         ended, steps = int(self.ended[lane]), self.experiment.steps
-        outcome = (None, Outcome.DIVERGED, Outcome.DOMAIN_EXIT, None)[self.outcome[lane]]
+        outcome = {1: Outcome.DIVERGED, 2: Outcome.DOMAIN_EXIT}.get(int(self.outcome[lane]))
         return self.timetable.result(
             self.settings[lane].wiring,
             SignalTable.of(self.table[lane]),

@@ -12,7 +12,7 @@ from cosim.sweeps.lane import LaneComponent
 _RIGID = {
     *("internal_steps", "gravity_compensation", "payload", "base_tilt", "viscous", "coulomb", "coulomb_velocity"),
     *("contact_stiffness", "contact_damping", "contact_normal", "contact_distance", "q_start", "dq_start"),
-    *("tau", "f", "f_command", "x_ref"),
+    *("tau", "f", "f_command", "x_ref", "stiffness", "damping"),
     *("coulomb_form", "stribeck", "stribeck_velocity", "stribeck_exponent", "coulomb_asymmetry", "viscous_asymmetry"),
     *("torque_offset", "load_friction", "position_friction_sin", "position_friction_cos", "position_torque"),
     *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
@@ -22,7 +22,7 @@ _RIGID = {
     *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
 }
 """What may differ from the table in the kernel's arms: not what makes a joint elastic or late, nor encoders."""
-_PHANTOM = _RIGID | {"pi", "mounting", "workspace_limits", "stiffness", "damping"}
+_PHANTOM = _RIGID | {"pi", "mounting", "workspace_limits"}
 _TABLE = {
     *("joints", "joint_type", "origin_x", "origin_y", "origin_z", "origin_roll", "origin_pitch", "origin_yaw"),
     *("axis_x", "axis_y", "axis_z", "mass", "centre_x", "centre_y", "centre_z", "rotor_inertia", "gear_ratio"),
@@ -32,9 +32,6 @@ _TABLE = {
 _SERIAL = _RIGID | _TABLE
 _CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0, 2.0), "stop_side": (-1.0, 1.0)}
 """The numbers that the arms take for them."""
-_SLIDES = 3.0  # a joint_type
-_TENSOR = ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")
-_ROUND_OFF = 1e-12  # of the largest moment of inertia, by which the least one of a thin rod may be below zero
 
 
 def unfit_phantom(part: LaneComponent) -> str | None:
@@ -63,7 +60,7 @@ def _without_normal(part: LaneComponent) -> str | None:
 
 
 def _unfit_table(part: LaneComponent) -> str | None:
-    """What the FMU refuses, or may refuse: axes, couplings, joints that move nothing that has inertia."""
+    """What the FMU refuses of a table before it computes; what it refuses then, the kernel leaves to it."""
     joints = int(part.number("joints"))
 
     def column(name: str) -> np.ndarray:
@@ -76,16 +73,4 @@ def _unfit_table(part: LaneComponent) -> str | None:
     ends = zip(*([part.number(name) for name in part.elements([f"coupling_{end}"])] for end in ("on", "from")))
     if not all((0 < on <= joints and 0 < by <= joints and on != by) or on == by == 0 for on, by in ends):
         return "one of its couplings is not of two joints"
-    mass = column("mass")
-    tensor = np.array([column(f"inertia_{k}") for k in _TENSOR]).T.reshape(-1, 3, 3)
-    centre = np.array([column(f"centre_{k}") for k in "xyz"]).T
-    moments = np.linalg.eigvalsh(tensor)
-    if np.any(moments[:, 0] < -_ROUND_OFF * moments[:, 2]) or np.any(mass < 0.0):
-        return "its links are no bodies: an inertia is not positive"
-    direction = axis / np.sqrt((axis * axis).sum(axis=1))[:, None]
-    about = (direction * (tensor @ direction[:, :, None])[:, :, 0]).sum(axis=1)
-    lever = np.cross(direction, centre)
-    felt = np.where(column("joint_type") == _SLIDES, mass, about + mass * (lever * lever).sum(axis=1))
-    if np.any(felt + column("rotor_inertia") * column("gear_ratio") ** 2 <= 0.0):
-        return "the link of a joint has no inertia of its own"
     return None

@@ -222,6 +222,32 @@ static inline mask arm_plain_acceleration(const PhantomArmModel *m, const ArmPos
     return arm_respond(&inertia, torque, ddq);
 }
 
+/* Fastest rate of the in-device impedance at the start pose (1/s): per axis, with W = J M^-1 J', damping W_ii or
+ * sqrt(stiffness W_ii); 0 where there is none. */
+static inline real arm_impedance_rate(const PhantomArmModel *m) {
+    real fastest = real_of(0.0);
+    if (m->impedance == 0) return fastest;
+    const ArmPose p = arm_pose(m->q_start);
+    const ArmInertia inertia = arm_inertia(arm_own_body(m), &p);
+    for (int i = 0; i < 3; i++) {
+        real force[3] = {real_of(0.0), real_of(0.0), real_of(0.0)}, torque[3], ddq[3], ddx[3];
+        force[i] = real_of(1.0);
+        arm_torque_of_force(&p, force, torque);
+        arm_accelerate(&inertia, torque, ddq);
+        arm_velocity(&p, ddq, ddx);
+        const real rate = real_max(m->damping[i] * ddx[i], real_sqrt(m->stiffness[i] * ddx[i]));
+        fastest = real_max(fastest, rate);
+    }
+    return fastest;
+}
+
+/* Where M is positive definite at the start pose. */
+static inline mask arm_definite_at_start(const PhantomArmModel *m) {
+    const ArmPose p = arm_pose(m->q_start);
+    const ArmInertia inertia = arm_inertia(arm_own_body(m), &p);
+    return arm_positive_definite(&inertia);
+}
+
 /* How many states of a plain arm move, from the first on: q_link and dq_link. */
 #define ARM_PLAIN_STATES 6
 typedef char

@@ -168,23 +168,6 @@ static const char *check_relations(Model *m) {
     return NULL;
 }
 
-/* Fastest rate of the in-device impedance at the start pose (1/s): per axis, with W = J M^-1 J', damping W_ii or
- * sqrt(stiffness W_ii). */
-static double impedance_rate(const Model *m) {
-    const ArmPose p = arm_pose(m->q_start);
-    const ArmInertia inertia = arm_inertia(arm_own_body(m), &p);
-    double fastest = 0;
-    for (int i = 0; i < 3; i++) {
-        double force[3] = {0, 0, 0}, torque[3], ddq[3], ddx[3];
-        force[i] = 1;
-        arm_torque_of_force(&p, force, torque);
-        arm_accelerate(&inertia, torque, ddq);
-        arm_velocity(&p, ddq, ddx);
-        fastest = real_max(fastest, real_max(m->damping[i] * ddx[i], sqrt(m->stiffness[i] * ddx[i])));
-    }
-    return fastest;
-}
-
 static const char *start(Model *m) {
     arm_start(m);
     const char *problem = check_relations(m);
@@ -197,7 +180,7 @@ static const char *start(Model *m) {
     m->coupled =
         arm_has(m->coupling_viscous, 6) || arm_has(m->coupling_coulomb, 6) || arm_has(m->coupling_stiffness, 6);
     m->delays = arm_has(m->time_delay, 3);
-    m->impedance_rate = m->impedance != 0 ? impedance_rate(m) : 0;
+    m->impedance_rate = arm_impedance_rate(m);
     m->last_time = m->origin;
     const ArmPose p = arm_pose(m->q_link);
     delivered(m, &p, m->tau_lag);

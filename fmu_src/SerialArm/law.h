@@ -234,6 +234,32 @@ static inline void serial_respond(SerialArmModel *m, const SerialPose *pose, con
     for (int i = 0; i < n; i++) ddq[i] = choose(definite, ddq[i], real_of(0.0));
 }
 
+/* Where M is positive definite. */
+static inline mask serial_definite_at_rest(const SerialArmModel *m, const SerialPose *pose) {
+    real rest[SERIAL_MOST], ddq[SERIAL_MOST];
+    for (int i = 0; i < SERIAL_MOST; i++) rest[i] = real_of(0.0);
+    return serial_forward(serial_count(m), m->kinds, serial_links(m), pose, m->link_armature, rest, rest, rest, ddq);
+}
+
+/* Fastest rate of the in-device impedance at a pose (1/s): per axis, with W = J M^-1 J', damping W_ii or
+ * sqrt(stiffness W_ii); 0 where there is none. */
+static inline real serial_impedance_rate(const SerialArmModel *m, const SerialPose *pose, const SerialTip *tip) {
+    const int n = serial_count(m);
+    const real none = real_of(0.0);
+    real rest[SERIAL_MOST], torque[SERIAL_MOST], ddq[SERIAL_MOST], ddx[3], fastest = none;
+    for (int i = 0; i < SERIAL_MOST; i++) rest[i] = none;
+    for (int k = 0; k < 3 && m->impedance != 0; k++) {
+        real force[3] = {none, none, none};
+        force[k] = real_of(1.0);
+        serial_torque_of_force(n, tip, force, torque);
+        serial_forward(n, m->kinds, serial_links(m), pose, m->link_armature, rest, rest, torque, ddq);
+        serial_velocity(n, tip, ddq, ddx);
+        const real rate = real_max(m->damping[k] * ddx[k], real_sqrt(m->stiffness[k] * real_max(ddx[k], none)));
+        fastest = real_max(fastest, rate);
+    }
+    return fastest;
+}
+
 /* The domain: M positive definite along the motion, `n` states that are below their limit, and the joint limits where they are
  * asked for. Outside, those states are again what they were at the last communication point inside, and stay it. */
 static inline void serial_stay_inside(SerialArmModel *m, int n) {

@@ -152,12 +152,6 @@ static void set_start_inertia(Model *m, const SerialPose *pose) {
     }
 }
 
-static int definite_at_start(const Model *m, const SerialPose *pose) {
-    const double rest[SERIAL_MOST] = {0}, none[3] = {0, 0, 0};
-    double ddq[SERIAL_MOST];
-    return serial_forward(serial_count(m), m->kinds, serial_links(m), pose, m->link_armature, none, rest, rest, ddq);
-}
-
 /* The table as far as ranges do not say it. */
 static const char *check_table(Model *m) {
     char *text = (char *)m->text;
@@ -191,7 +185,7 @@ static const char *check_table(Model *m) {
 static const char *check_joints(Model *m, const SerialPose *pose) {
     char *text = (char *)m->text;
     const size_t size = sizeof m->text;
-    if (!definite_at_start(m, pose)) {
+    if (!serial_definite_at_rest(m, pose)) {
         snprintf(text, size,
                  "mass, inertia: M(q_start) is not positive definite: a joint moves nothing that has inertia");
         return text;
@@ -203,30 +197,13 @@ static const char *check_joints(Model *m, const SerialPose *pose) {
         m->elastic[i] = j.joint_compliance > 0;
         if (m->elastic[i] != 0) m->link_armature[i] = m->armature[i] - j.motor_inertia;
     }
-    if (!definite_at_start(m, pose)) {
+    if (!serial_definite_at_rest(m, pose)) {
         snprintf(text, size,
                  "motor_inertia leaves links without positive definite M(q_start): make it smaller, below gear_ratio^2 "
                  "rotor_inertia at best");
         return text;
     }
     return NULL;
-}
-
-/* Fastest rate of the in-device impedance at the start pose (1/s): per axis, with W = J M^-1 J', damping W_ii or
- * sqrt(stiffness W_ii). */
-static double impedance_rate(const Model *m, const SerialPose *pose, const SerialTip *tip) {
-    const int n = serial_count(m);
-    const double rest[SERIAL_MOST] = {0}, none[3] = {0, 0, 0};
-    double fastest = 0;
-    for (int k = 0; k < 3; k++) {
-        double force[3] = {0, 0, 0}, torque[SERIAL_MOST], ddq[SERIAL_MOST], ddx[3];
-        force[k] = 1;
-        serial_torque_of_force(n, tip, force, torque);
-        serial_forward(n, m->kinds, serial_links(m), pose, m->link_armature, none, rest, torque, ddq);
-        serial_velocity(n, tip, ddq, ddx);
-        fastest = real_max(fastest, real_max(m->damping[k] * ddx[k], sqrt(m->stiffness[k] * real_max(ddx[k], 0))));
-    }
-    return fastest;
 }
 
 /* What is there, so that the rest is not computed. */
@@ -251,7 +228,7 @@ static const char *start(Model *m) {
     problem = check_joints(m, &pose);
     if (problem) return problem;
     set_shortcuts(m);
-    m->impedance_rate = m->impedance != 0 ? impedance_rate(m, &pose, &tip) : 0;
+    m->impedance_rate = serial_impedance_rate(m, &pose, &tip);
     m->last_time = m->origin;
     delivered(m, &pose, &tip, m->tau_lag);
     for (int i = 0; i < SERIAL_ROOM; i++)

@@ -34,7 +34,7 @@
     FIELD(int64_t, rows) FIELD(int64_t, n_columns) FIELD(int64_t, every) FIELD(int64_t, steps) \
     FIELD(double, step_ns) FIELD(double, bound) \
     FIELD(int64_t *, ended)   /* [LANES] communication steps completed */ \
-    FIELD(int64_t *, outcome) /* [LANES] 0 ran through, 1 out of bounds, 2 domain left, 3 sign decided */ \
+    FIELD(int64_t *, outcome) /* [LANES] 0 ran through, 1 out of bounds, 2 domain left, 3 sign decided, 4 refused */ \
     FIELD(Sign *, signs)      /* [LANES / 2] of lanes 2 k, a run, and 2 k + 1, its twin; NULL: none is looked for */ \
     FIELD(const int64_t *, looks) FIELD(int64_t, n_looks) /* rows, in order */ \
     FIELD(int64_t, n_rates) FIELD(int64_t, n_saturated) FIELD(double, quantile) /* see sign.h */ \
@@ -310,10 +310,25 @@ static int follow(Job *job, const Turn *turn, int64_t done) {
     return running;
 }
 
+/* Lanes whose start values an FMU would refuse end before they begin. */
+static void refuse_lanes(Job *job, const Part *work) {
+    const double size = job->step_ns / 1e9;
+    mask fits = everywhere();
+    for (int64_t i = 0; i < job->n_components; i++)
+        if (job->components[i].kind == ARM)
+            fits = fits & arm_fits(work + i, size);
+        else if (job->components[i].kind == SERIAL_ARM)
+            fits = fits & serial_fits(work[i].serial, size);
+    for (int lane = 0; lane < LANES; lane++) {
+        const int fit = LANE(fits, lane) != 0;
+        job->outcome[lane] = fit ? 0 : 4, job->ended[lane] = fit ? job->steps : 0;
+    }
+}
+
 EXPORTED void run(Job *job, const int64_t *const *sources) {
     Part *work = job->work;
     initialise(job, work, sources);
-    for (int lane = 0; lane < LANES; lane++) job->outcome[lane] = 0, job->ended[lane] = job->steps;
+    refuse_lanes(job, work);
     record(job, job->turns[0].columns, 0);
     if (!watch(job, work, 0)) return;
     const double size = job->step_ns / 1e9;

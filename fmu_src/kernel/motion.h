@@ -108,6 +108,12 @@ static void start_arm(Part *a, const Component *c, real *out) {
     show_arm(a, c, out);
 }
 
+/* Where the FMU would take the start values. */
+static mask arm_fits(const Part *a, double size) {
+    const PhantomArmModel *m = &a->model.arm;
+    return arm_definite_at_start(m) & ~impedance_is_too_fast(arm_impedance_rate(m), size, m->internal_steps);
+}
+
 static inline void move_arm(Part *a, Rates *moving, int n, double size) {
     PhantomArmModel *m = &a->model.arm;
     const int64_t steps = (int64_t)LANE(m->internal_steps, 0);

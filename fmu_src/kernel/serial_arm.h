@@ -134,6 +134,13 @@ APART static void start_serial(Part *a, const Component *c, real *out) {
     show_serial(a->serial, c->n_outputs, out);
 }
 
+/* Where the FMU would take the start values. */
+APART static mask serial_fits(const SerialPart *s, double size) {
+    const SerialArmModel *m = &s->model;
+    const real rate = serial_impedance_rate(m, &s->view.pose, &s->view.tip);
+    return serial_definite_at_rest(m, &s->view.pose) & ~impedance_is_too_fast(rate, size, m->internal_steps);
+}
+
 /* The states that move, put side by side or back (`home`). */
 static inline void pack_states(SerialPart *s, int home) {
     const int n = serial_count(&s->model);

@@ -182,6 +182,12 @@ static inline real joint_delivered(const Joint *j, real command) {
     return u;
 }
 
+/* Whether an impedance inside the device is as fast as `rate` (1/s) and so too fast for its internal steps: RK4 ends at 2.78;
+ * other poses are up to a third faster. */
+static inline mask impedance_is_too_fast(real rate, double step, real steps) {
+    return step * rate > 2.0 * steps;
+}
+
 #ifndef JOINT_IN_LANES /* of an instance */
 
 /* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap
@@ -293,10 +299,9 @@ static inline double joint_encoder(const Joint *j, double q) {
     return read;
 }
 
-/* What is wrong with internal steps of an impedance inside the device that is as fast as `rate` (1/s), written to `text`;
- * NULL: nothing. RK4 ends at 2.78; other poses are up to a third faster. */
+/* What is wrong with internal steps of an impedance inside the device, written to `text`; NULL: nothing. */
 static inline const char *impedance_check_step(double rate, double step, double steps, char *text, size_t size) {
-    if (!(step * rate > 2.0 * steps)) return NULL;
+    if (!impedance_is_too_fast(rate, step, steps)) return NULL;
     snprintf(text, size,
              "stiffness and damping are too fast (%.4g 1/s) for the internal step of %g s: "
              "set internal_steps to %.0f or more",

@@ -15,7 +15,7 @@ from cosim.sweeps import kernel
 from cosim.sweeps.evaluate import EVALUATORS, _signals, check, cosimulation, setup, simulation
 from cosim.sweeps.lane_refusal import lane_refusal
 from cosim.sweeps.points import Point
-from cosim.sweeps.pool import Task
+from cosim.sweeps.pool import Here, Task
 
 RECORD = [
     *("arm_l.q", "arm_l.dq", "arm_r.q", "arm_r.x_tip", "arm_r.dx", "arm_r.tau_motor", "arm_r.saturated"),
@@ -207,17 +207,39 @@ def test_a_sweep_runs_it_and_leaves_no_motor_at_its_limit_out_of_account():
     assert evolve(early[1], numbers=whole[1].numbers) == whole[1]
 
 
+NO_INERTIA = {f"arm_l.inertia_{k}[7]": 0.0 for k in ("xx", "xy", "xz", "yy", "yz", "zz")}
+NO_INERTIA |= {"arm_l.mass[7]": 0.0, "arm_l.rotor_inertia[7]": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("panda", NO_INERTIA, "M(q_start) is not positive definite"),
+        ("panda", {"arm_r.stiffness": 1e9}, "stiffness and damping are too fast"),
+        ("sallam-stable", {"arm_l.pi[1]": -0.1}, "M(q_start) is not positive definite"),
+        ("sallam-stable", {"arm_r.damping": 1e4}, "stiffness and damping are too fast"),
+    ],
+)
+def test_what_an_fmu_refuses_at_its_start_it_says_itself(name, values, words):
+    """A point among others that the kernel runs: it fails with the words of the FMU, the others do not."""
+    points = [Point((), tuple(values.items())), Point((), ())]
+    task = Task(EVALUATORS["simulation"], name, {"experiment.stop": 0.5})
+    found = {p.key: results[k] for ps, results in Here().answers(task, points, 2) for k, p in enumerate(ps)}
+    assert words in found[points[0].key].message and found[points[0].key].outcome == "failed"
+    assert found[points[1].key].outcome != "failed"
+
+
+def test_an_impedance_inside_the_device_of_a_serial_arm():
+    """Beside arms without one."""
+    soft = {"arm_r.stiffness": 400.0, "arm_r.damping": 20.0, "arm_r.x_ref": [0.35, 0.0, 0.6]}
+    same("phantom-panda", 0.2, {}, soft, soft | {"arm_r.coulomb": 0.2, "arm_r.stiffness[2]": 0.0})
+
+
 REFUSED = {
     "arm_r: its actuator_lag[1] is 0.01": {"arm_r.actuator_lag[1]": 0.01},
     "arm_l: its encoder_resolution[2] is 0.001": {"arm_l.encoder_resolution[2]": 0.001},
     "arm_l: one of its axes has no direction": {"arm_l.axis_z[2]": 0.0},
     "arm_r: one of its couplings is not of two joints": {"arm_r.coupling_on[1]": 2, "arm_r.coupling_from[1]": 2},
-    "arm_r: its links are no bodies: an inertia is not positive": {"arm_r.inertia_xx[3]": -0.1},
-    "arm_l: the link of a joint has no inertia of its own": {
-        **{f"arm_l.inertia_{k}[7]": 0.0 for k in ("xx", "xy", "xz", "yy", "yz", "zz")},
-        "arm_l.mass[7]": 0.0,
-        "arm_l.rotor_inertia[7]": 0.0,
-    },
     "arm_r: its contact_normal is zero": {"arm_r.contact_stiffness": 100.0},
     "channel_lr: its deadband[1] is 0.1": {"channel_lr.deadband[1]": 0.1},
 }

@@ -290,6 +290,23 @@ static int at_limit(const Job *job, const Turn *turn, int lane) {
     return found;
 }
 
+/* Arms of lanes that have ended go on from where those of one that still runs are: nobody looks at them any more, and angles that
+ * grow without end take longer. */
+static void settle(const Job *job, Part *work) {
+    mask gone = everywhere();
+    int running = -1;
+    for (int lane = 0; lane < LANES; lane++) {
+        LANE(gone, lane) = job->outcome[lane] ? -1 : 0;
+        if (!job->outcome[lane]) running = lane;
+    }
+    if (running < 0 || !any(gone)) return;
+    for (int64_t i = 0; i < job->n_components; i++) {
+        if (job->components[i].kind != ARM) continue;
+        real *state = PhantomArm_STATE(&work[i].model.arm);
+        for (int k = 0; k < ARM_EFFECT_STATES; k++) state[k] = choose(gone, real_of(LANE(state[k], running)), state[k]);
+    }
+}
+
 /* A row of every pair that still runs; ends those whose sign is decided. Whether any lane still runs. */
 static int follow(Job *job, const Turn *turn, int64_t done) {
     const double period = (double)job->every * job->step_ns / 1e9;
@@ -346,6 +363,8 @@ EXPORTED void run(Job *job, const int64_t *const *sources) {
         const int recorded = (done + 1) % job->every == 0;
         if (recorded) record(job, turn->columns, done + 1);
         if (!watch(job, work, done + 1)) return;
-        if (recorded && job->signs && !follow(job, turn, done + 1)) return;
+        if (!recorded || !job->signs) continue;
+        if (!follow(job, turn, done + 1)) return;
+        settle(job, work);
     }
 }

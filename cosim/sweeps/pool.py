@@ -152,7 +152,7 @@ class LocalPool(Workers):
     """
 
     def __init__(self, count: int, meanwhile: Callable[[], object] | None = None) -> None:
-        """meanwhile: what this process does once all workers have their first points."""
+        """meanwhile: what this process does as soon as a worker has nothing to do."""
         self.meanwhile = meanwhile
         first = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.count: int = max(1, count)
@@ -171,7 +171,8 @@ class LocalPool(Workers):
             for k, worker in enumerate(self.workers):
                 if worker.chunk is None and (chunk := left.next(k)):
                     worker.give(task, chunk)
-            self._bridge()
+            if any(worker.chunk is None for worker in self.workers):
+                self._bridge()
             for worker in _heard(self.workers):
                 k, (chunk, findings, message) = self.workers.index(worker), worker.take()
                 again, settled = (

@@ -65,9 +65,9 @@ def zero(bracket: Bracket, tolerance: float, rounds: int = 60) -> Generator[Plac
 
     A bracket is done when it is shorter than a third of the tolerance, or when the next estimate is closer than that
     to the last place and the rate there fell below a fifth of both ends' (else the rate jumps, and a small move of
-    the estimate means nothing). One that is shorter than the tolerance from the beginning, with twice the rate at one
-    end, needs no value more: its zero is within the tolerance of the estimate, and near it where the rate does not
-    jump.
+    the estimate means nothing); so too from the beginning, by the rate at one end. One that is shorter than the
+    tolerance from the beginning, with twice the rate at one end, needs no value more: its zero is within the tolerance
+    of the estimate, and near it where the rate does not jump.
     """
     hunt = _Hunt(bracket, tolerance)
     for _ in range(rounds):
@@ -91,7 +91,9 @@ class _Hunt:
         self.a, self.fa, self.b, self.fb = 1.0, bracket.at_high, 0.0, bracket.at_low
         self.c = self.fc = np.nan
         small, large = sorted((abs(self.fa), abs(self.fb)))
+        near = small / (small + large) * self.length  # of the estimate to the end with the smaller rate
         self.done = self.length < (tolerance if 2.0 * small <= large else self.tolerance)
+        self.done = self.done or (small <= 0.2 * large and near < self.tolerance)
 
     def estimate(self) -> float:
         """Where the zero is expected: the secant's at first, then that of the inverse parabola through a, b and c where

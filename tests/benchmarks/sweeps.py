@@ -1,7 +1,7 @@
 """What sweeps cost: kernel against the fmpy loop, a second core, a map by brute force, a traced boundary, start-up,
 commands.
 
-    python -m tests.benchmarks.sweeps [--quick] [--agree] [--kernel]
+    python -m tests.benchmarks.sweeps [--quick] [--agree] [--kernel] [--traced]
 
 Processor seconds, so that a busy machine troubles all alike; wall-clock time beside where a user waits for it.
 """
@@ -228,14 +228,21 @@ def repeated(count: int, folder: Path, *words: str) -> tuple[float, float, float
     return statistics.median(wall), min(wall), max(wall), statistics.median(processor)
 
 
+BOUNDARY = {"count": "", "design": '[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'}
+SWEPT = ("--workers", "2", "--no-report", "--out", "{out}")
+
+
+def traced(folder: Path) -> tuple[str, float, float, float, float]:
+    """The boundary traced with `sign_level`, fifteen times."""
+    (folder / "traced.toml").write_text(SPEC.format(level="sign_level = 0.95", **BOUNDARY))
+    return "boundary traced, two workers", *repeated(15, folder, "sweep", str(folder / "traced.toml"), *SWEPT)
+
+
 def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, float]]:
     grid = {"count": f"count = {count}", "design": "[grid]"}
     (folder / "map.toml").write_text(SPEC.format(level="sign_level = 0.95", **grid))
     (folder / "whole.toml").write_text(SPEC.format(level="", **grid))
-    boundary = {"count": "", "design": '[boundary]\ntrace = ["stiffness", "delay"]\ncells = 6'}
-    (folder / "traced.toml").write_text(SPEC.format(level="sign_level = 0.95", **boundary))
-    (folder / "whole_traced.toml").write_text(SPEC.format(level="", **boundary))
-    swept = ("--workers", "2", "--no-report", "--out", "{out}")
+    (folder / "whole_traced.toml").write_text(SPEC.format(level="", **BOUNDARY))
     return [
         ("cosim --help", *repeated(9, folder, "--help")),
         (
@@ -244,10 +251,10 @@ def commands(folder: Path, count: int) -> list[tuple[str, float, float, float, f
                 9, folder, "run", "sallam-stable", "--set", "experiment.stop=20", "--no-report", "--out", "{out}"
             ),
         ),
-        ("boundary traced, two workers", *repeated(15, folder, "sweep", str(folder / "traced.toml"), *swept)),
-        ("the same, every run to its end", *repeated(5, folder, "sweep", str(folder / "whole_traced.toml"), *swept)),
-        (f"map {count} x {count}, two workers", *repeated(3, folder, "sweep", str(folder / "map.toml"), *swept)),
-        ("the same, every run to its end", *repeated(3, folder, "sweep", str(folder / "whole.toml"), *swept)),
+        traced(folder),
+        ("the same, every run to its end", *repeated(5, folder, "sweep", str(folder / "whole_traced.toml"), *SWEPT)),
+        (f"map {count} x {count}, two workers", *repeated(3, folder, "sweep", str(folder / "map.toml"), *SWEPT)),
+        ("the same, every run to its end", *repeated(3, folder, "sweep", str(folder / "whole.toml"), *SWEPT)),
     ]
 
 
@@ -274,6 +281,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a 20 x 20 map and two rounds")
     parser.add_argument("--agree", action="store_true", help="whether runs that end early have the signs of whole ones")
     parser.add_argument("--kernel", action="store_true", help="kinds of scenarios in the kernel, beside co-simulation")
+    parser.add_argument("--traced", action="store_true", help="the traced boundary alone, by the clock")
     given = parser.parse_args()
     quick = given.quick
     if given.kernel:
@@ -288,6 +296,12 @@ def main() -> None:
             *wrong,
             sep="\n",
         )
+        return
+    if given.traced:
+        with tempfile.TemporaryDirectory(prefix="cosim-bench-") as name:
+            what, *figures = traced(Path(name))
+        median, least, most, processor = (f"{x:.2f} s" for x in figures)
+        print(f"{machine()}\n{what}: {median} ({least} to {most}), processor {processor}")
         return
     print(f"{machine()}{', `--quick`' if quick else ''}\n")
     with tempfile.TemporaryDirectory(prefix="cosim-bench-") as name:

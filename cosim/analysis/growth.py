@@ -141,17 +141,18 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float 
     length = int(0.55 * (count - first))
     if length < 40:
         return None
-    modes: list[complex] = []
-    for s in first + np.linspace(0, count - first - length, 3).astype(int):
-        mode = dominant_mode(time[s : s + length], level[s : s + length])
+    begins = first + np.linspace(0, count - first - length, 3).astype(int)
+    modes: dict[int, complex] = {}
+    for k in (0, 2, 1):  # what is farthest apart differs most
+        part = slice(begins[k], begins[k] + length)
+        mode = dominant_mode(time[part], level[part])
         if mode is None:
             return None
-        modes.append(mode)
-        if (
-            0.5 * _T95[2] * np.ptp([mode.real for mode in modes]) >= limit
-        ):  # three values deviate by half their range at least
+        modes[k] = mode
+        rates = [modes[k].real for k in sorted(modes)]
+        if 0.5 * _T95[2] * np.ptp(rates) >= limit:  # three values deviate by half their range at least
             return None
-    rate, half = _interval(np.array([mode.real for mode in modes]))
+    rate, half = _interval(np.array(rates))
     # Windows overlap, so that their spread alone is too small: the standard error of the mean is not divided by
     # sqrt(3).
     half = max(np.sqrt(3.0) * half, 1e-9)
@@ -162,7 +163,7 @@ def _modes_from(time: np.ndarray, level: np.ndarray, begin: float, limit: float 
             rate,
             float(rate - half),
             float(rate + half),
-            abs(modes[-1].imag),
+            abs(modes[2].imag),
             (float(time[first]), float(time[-1])),
             "modes",
         )

@@ -1,10 +1,10 @@
 """The batch kernel: many scenarios of the built-in loop at once, in the vector lanes of fmu_src/kernel/kernel.c.
 
-It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to arms with rigid
-joints and without encoders (PHANToMs and serial arms), whatever their friction, all controllers of ours, channels of
-every semantics, hands and environments, and components that nothing is wired into (an operator that does not feel the
-arm), whose signals are computed beforehand by the FMUs themselves. `lane_refusal` says why it does not apply; then the
-co-simulation does.
+It runs the same schedule on the same laws as the FMUs and gives their bits, without FMI. It applies to PHANToMs with
+rigid joints and without encoders, whatever their friction, to serial arms whose commands are not late, all controllers
+of ours, channels of every semantics, hands and environments, and components that nothing is wired into (an operator
+that does not feel the arm), whose signals are computed beforehand by the FMUs themselves. `lane_refusal` says why it
+does not apply; then the co-simulation does.
 """
 
 from __future__ import annotations

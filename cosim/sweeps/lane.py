@@ -31,13 +31,7 @@ HELD = {
     "ArmController": {"f": ("f",), "tau": ("tau",)},
     "PacketChannel": {"y": ("y",)},
     "SerialArm": {
-        "q_link": ("q",),
-        "dq_link": ("dq",),
-        "x_tip": ("x", "x_tip"),
-        "dx_tip": ("dx", "dx_tip"),
-        "tau_motor": ("tau_motor",),
-        "f_contact": ("f_contact",),
-        "saturated": ("saturated",),
+        name: (name,) for name in ("q", "dq", "x", "dx", "x_tip", "dx_tip", "tau_motor", "f_contact", "saturated")
     },
     "PDLikeController": {},
     "PositionForceController": {},

@@ -21,15 +21,19 @@ _RIGID = {
     *("torque_gain", "torque_deadband", "stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
     *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
 }
-"""What may differ from the table in the kernel's arms: not what makes a joint elastic or late, nor encoders."""
+"""What may differ from the table in the kernel's arms."""
 _PHANTOM = _RIGID | {"pi", "mounting", "workspace_limits"}
 _TABLE = {
     *("joints", "joint_type", "origin_x", "origin_y", "origin_z", "origin_roll", "origin_pitch", "origin_yaw"),
     *("axis_x", "axis_y", "axis_z", "mass", "centre_x", "centre_y", "centre_z", "rotor_inertia", "gear_ratio"),
     *("inertia_xx", "inertia_xy", "inertia_xz", "inertia_yy", "inertia_yz", "inertia_zz", "lower", "upper"),
-    *("joint_limits", "gravity", "tip", "coupling_on", "coupling_from", "torque_saturation"),
+    *("joint_limits", "gravity", "tip", "coupling_on", "coupling_from"),
 }
-_SERIAL = _RIGID | _TABLE
+_MOTORS = {
+    *("torque_saturation", "actuator_lag", "joint_compliance", "motor_inertia", "joint_damping", "backlash"),
+    *("encoder_resolution", "encoder_offset"),
+}
+_SERIAL = _RIGID | _TABLE | _MOTORS
 _CHOSEN = {"stribeck_exponent": (1.0, 2.0), "coulomb_form": (0.0, 1.0, 2.0), "stop_side": (-1.0, 1.0)}
 """The numbers that the arms take for them."""
 

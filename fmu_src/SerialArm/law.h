@@ -1,10 +1,10 @@
-/* The law of a serial arm with rigid joints, in `real`, on the struct that model.toml gives: one source for FMU and sweeps'
+/* The law of a serial arm, in `real`, on the struct that model.toml gives: one source for FMU and sweeps'
  * vector lanes.
  *
  *   M(q) ddq + C(q, dq) dq + N(q) + friction + required = tau_motor + J' (f + f_contact)
  *   tau_motor = limit(deadband((1 + gain) (tau + J' (f_command + f_device) + N_nominal)))
  *
- * What else a joint may do (elasticity, lag, delay, encoders) model.c puts in. Rigid body: serial.h; equations and sources:
+ * Commands that are late model.c puts in. Rigid body: serial.h; equations and sources:
  * README.md. How many joints there are, of which type, and which of them others move is the same in all lanes.
  */
 #ifndef SERIAL_ARM_LAW_H
@@ -35,13 +35,15 @@ static inline int serial_has(const real *values, int n) {
     return any(has);
 }
 
-/* Joint i; in lanes without the marks of what is there. */
+/* Joint i, with what an elastic one was not given; in lanes without the marks of what is there. */
 static inline Joint serial_joint(const SerialArmModel *m, int i) {
     Joint j;
 #define JOINT_FIELD(name) j.name = m->name[i];
     JOINT_PARAMETERS(JOINT_FIELD)
 #undef JOINT_FIELD
     j.present = 0;
+    j.motor_inertia = choose(j.motor_inertia > 0.0, j.motor_inertia, m->armature[i]);
+    joint_complete(&j, m->start_inertia[i]);
     return j;
 }
 
@@ -258,6 +260,33 @@ static inline real serial_impedance_rate(const SerialArmModel *m, const SerialPo
         fastest = real_max(fastest, rate);
     }
     return fastest;
+}
+
+/* Diagonal of M at a pose: the torque of a unit acceleration (kg m^2). */
+static inline void serial_set_start_inertia(SerialArmModel *m, const SerialPose *pose) {
+    const int n = serial_count(m);
+    real rest[SERIAL_MOST], unit[SERIAL_MOST], torque[SERIAL_MOST];
+    for (int i = 0; i < SERIAL_MOST; i++) rest[i] = real_of(0.0);
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < n; k++) unit[k] = real_of(k == i ? 1.0 : 0.0);
+        serial_inverse(n, m->kinds, serial_links(m), pose, m->armature, rest, rest, unit, torque);
+        m->start_inertia[i] = torque[i];
+    }
+}
+
+/* Which joints are elastic: their motors move on their own. */
+static inline void serial_set_motors(SerialArmModel *m) {
+    for (int i = 0; i < serial_count(m); i++) {
+        const Joint j = serial_joint(m, i);
+        const mask elastic = j.joint_compliance > 0.0;
+        m->elastic[i] = real_of_mask(elastic);
+        m->link_armature[i] = choose(elastic, m->armature[i] - j.motor_inertia, m->armature[i]);
+    }
+}
+
+/* Angle and velocity on the encoder's side: the motor's where the joint is elastic. */
+static inline real serial_motor_side(const SerialArmModel *m, int i, real motor, real link) {
+    return choose(m->elastic[i] != 0.0, motor, link);
 }
 
 /* The domain: M positive definite along the motion, `n` states that are below their limit, and the joint limits where they are

@@ -1,4 +1,4 @@
-/* A serial arm. Equations and sources: README.md; rigid joints: law.h; one joint's effects: ../shared/joint.h.
+/* A serial arm. Equations and sources: README.md; all but late commands: law.h; one joint's effects: ../shared/joint.h.
  *
  *   M(q) ddq + C(q, dq) dq + N(q) + friction + required = tau_motor + J' (f + f_contact)
  *   tau_motor = lag(limit(deadband((1 + gain) (tau(t - delay) + J' (f_command(t - delay) + f_device) + N_nominal))))
@@ -10,13 +10,6 @@
 
 #define COMMANDS (SERIAL_MOST + 3) /* tau, f_command */
 #define DELAYED_CAPACITY 512
-
-static Joint joint_of(const Model *m, int i) {
-    Joint j = serial_joint(m, i);
-    if (!(j.motor_inertia > 0)) j.motor_inertia = m->armature[i];
-    joint_complete(&j, m->start_inertia[i]);
-    return j;
-}
 
 static Ring delayed_ring(Model *m) {
     Ring r = {m->delayed, DELAYED_CAPACITY, 1 + COMMANDS, (int)m->delayed_head, (int)m->delayed_count};
@@ -53,7 +46,7 @@ static void commands(Model *m, const SerialTip *tip, double *torque) {
 static double amplified(const Model *m, int i, double command) {
     const double limit = m->torque_saturation[i];
     if (m->plain != 0) return limit > 0 ? real_clamp(command, -limit, limit) : command;
-    const Joint j = joint_of(m, i);
+    const Joint j = serial_joint(m, i);
     return joint_delivered(&j, command);
 }
 
@@ -68,19 +61,17 @@ static void delivered(Model *m, const SerialPose *pose, const SerialTip *tip, do
 
 /* ---- joints ---- */
 
-/* Angle and velocity on the encoder's side: the motor's where the joint is elastic. */
 static void motor_side(const Model *m, double *q, double *dq) {
     for (int i = 0; i < SERIAL_ROOM; i++) {
-        const int elastic = m->elastic[i] != 0;
-        q[i] = elastic ? m->q_motor[i] : m->q_link[i];
-        dq[i] = elastic ? m->dq_motor[i] : m->dq_link[i];
+        q[i] = serial_motor_side(m, i, m->q_motor[i], m->q_link[i]);
+        dq[i] = serial_motor_side(m, i, m->dq_motor[i], m->dq_link[i]);
     }
 }
 
 /* What joint i passes on to its link of the motor's `ideal` torque and the required ones, those from other joints in `others`,
  * and derivatives of its own states (N m). */
 static double joint_torque(Model *m, int i, double ideal, double others, double q, double dq, double t) {
-    const Joint j = joint_of(m, i);
+    const Joint j = serial_joint(m, i);
     const double motor = j.actuator_lag > 0 ? m->tau_lag[i] : ideal;
     const double z = joint_hysteresis_state(&j, m->z[i], m->z_short[i], m->z_long[i]);
     const double torque = motor - joint_required(&j, q, dq, z, motor, t) - others;
@@ -140,18 +131,6 @@ static void derivatives(Model *m, double t) {
 
 /* ---- start ---- */
 
-/* Diagonal of M at q_start: the torque of a unit acceleration (kg m^2). */
-static void set_start_inertia(Model *m, const SerialPose *pose) {
-    const int n = serial_count(m);
-    const double none[3] = {0, 0, 0}, rest[SERIAL_MOST] = {0};
-    for (int i = 0; i < n; i++) {
-        double unit[SERIAL_MOST] = {0}, torque[SERIAL_MOST];
-        unit[i] = 1;
-        serial_inverse(n, m->kinds, serial_links(m), pose, m->armature, none, rest, unit, torque);
-        m->start_inertia[i] = torque[i];
-    }
-}
-
 /* The table as far as ranges do not say it. */
 static const char *check_table(Model *m) {
     char *text = (char *)m->text;
@@ -191,12 +170,11 @@ static const char *check_joints(Model *m, const SerialPose *pose) {
         return text;
     }
     for (int i = 0; i < serial_count(m); i++) {
-        const Joint j = joint_of(m, i);
+        const Joint j = serial_joint(m, i);
         const char *problem = joint_check(&j, i + 1, text, size);
         if (problem) return problem;
-        m->elastic[i] = j.joint_compliance > 0;
-        if (m->elastic[i] != 0) m->link_armature[i] = m->armature[i] - j.motor_inertia;
     }
+    serial_set_motors(m);
     if (!serial_definite_at_rest(m, pose)) {
         snprintf(text, size,
                  "motor_inertia leaves links without positive definite M(q_start): make it smaller, below gear_ratio^2 "
@@ -210,7 +188,7 @@ static const char *check_joints(Model *m, const SerialPose *pose) {
 static void set_shortcuts(Model *m) {
     m->plain = 1;
     for (int i = 0; i < serial_count(m); i++) {
-        Joint j = joint_of(m, i);
+        Joint j = serial_joint(m, i);
         j.torque_saturation = 0;
         if (!joint_is_plain(&j)) m->plain = 0;
     }
@@ -224,7 +202,7 @@ static const char *start(Model *m) {
     if (problem) return problem;
     serial_start(m);
     serial_look(m, m->q_start, &pose, &tip);
-    set_start_inertia(m, &pose);
+    serial_set_start_inertia(m, &pose);
     problem = check_joints(m, &pose);
     if (problem) return problem;
     set_shortcuts(m);
@@ -257,7 +235,7 @@ static const char *remember_command(Model *m, double t) {
 /* What each joint cannot be integrated or delayed with, checked once a step; keeps the command of the step that ends. */
 static const char *finish_joints(Model *m, double t) {
     for (int i = 0; i < serial_count(m); i++) {
-        const Joint j = joint_of(m, i);
+        const Joint j = serial_joint(m, i);
         const char *problem = joint_check_step(&j, i + 1, m->step, m->internal_steps, (char *)m->text, sizeof m->text);
         if (problem) return problem;
         m->z[i] = joint_hysteresis_limit(m->z[i]);
@@ -289,7 +267,7 @@ static void measure(Model *m) {
     memcpy(m->dx, m->dx_tip, sizeof m->dx);
     if (m->plain != 0 && !serial_has(m->encoder_resolution, n) && !serial_has(m->encoder_offset, n)) return;
     for (int i = 0; i < n; i++) {
-        const Joint j = joint_of(m, i);
+        const Joint j = serial_joint(m, i);
         m->q[i] = joint_encoder(&j, m->q[i]);
     }
     serial_look(m, m->q, &pose, &tip);

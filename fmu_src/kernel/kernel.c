@@ -3,7 +3,7 @@
  * It holds no physics: laws and structs of the models are those of the FMUs (law.h of each), and so is Runge-Kutta 4,
  * compiled for vector lanes. Its own are lanes, store, schedule, histories and records. The schedule's operations and the
  * inputs along lines are those of shared/stepping.h and executor/executor.c in the same order of arithmetic: each lane has
- * the bits that the co-simulation of the FMUs has. Components: arms with rigid joints, controllers, channels, operators
+ * the bits that the co-simulation of the FMUs has. Components: arms, controllers, channels, operators
  * whose hand feels the arm, environments, and series (what feels nothing), whose values the FMU computed beforehand.
  */
 #include "controllers.h"

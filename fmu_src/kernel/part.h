@@ -52,7 +52,7 @@
 #include "../shared/layout.h"
 
 #define ARM_EFFECT_STATES 15 /* q_link, dq_link, z, z_short, z_long */
-#define SERIAL_STATE_KINDS 5 /* likewise, a row of each */
+#define SERIAL_STATE_KINDS 8 /* likewise, and tau_lag, q_motor, dq_motor, a row of each */
 #define MOST_STATES (SERIAL_STATE_KINDS * SERIAL_MOST)
 #include "../shared/runge_kutta.h"
 
@@ -85,26 +85,25 @@ static const struct {
     int64_t n_values;
     const double *start;
     const char *held;
-} models[] = {
-    {"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip f_contact"},
-    {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
-    {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
-    {"Operator", Operator_VALUES, Operator_START, "f"},
-    {"Environment", Environment_VALUES, Environment_START, "f"},
-    {"ArmController", ArmController_VALUES, ArmController_START, "f tau"},
-    {"PacketChannel", PacketChannel_VALUES, PacketChannel_START, "y"},
-    {"SerialArm", SerialArm_VALUES, SerialArm_START, "q_link dq_link x_tip dx_tip tau_motor f_contact saturated"},
-    {"PDLikeController", PDLikeController_VALUES, PDLikeController_START, ""},
-    {"PositionForceController", PositionForceController_VALUES, PositionForceController_START, ""},
-    {"FourChannelController", FourChannelController_VALUES, FourChannelController_START, ""},
-    {"WaveController", WaveController_VALUES, WaveController_START, ""},
-    {"PassivityController", PassivityController_VALUES, PassivityController_START, ""},
-    {"TwoLayerController", TwoLayerController_VALUES, TwoLayerController_START, ""},
-    {"ModelMediatedController", ModelMediatedController_VALUES, ModelMediatedController_START, ""},
-    {"AdaptiveController", AdaptiveController_VALUES, AdaptiveController_START, ""},
-    {"PDController", PDController_VALUES, PDController_START, ""},
-    {"InverseDynamicsController", InverseDynamicsController_VALUES, InverseDynamicsController_START, ""},
-    {NULL, 0, NULL, NULL}};
+} models[] = {{"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip f_contact"},
+              {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
+              {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
+              {"Operator", Operator_VALUES, Operator_START, "f"},
+              {"Environment", Environment_VALUES, Environment_START, "f"},
+              {"ArmController", ArmController_VALUES, ArmController_START, "f tau"},
+              {"PacketChannel", PacketChannel_VALUES, PacketChannel_START, "y"},
+              {"SerialArm", SerialArm_VALUES, SerialArm_START, "q dq x dx x_tip dx_tip tau_motor f_contact saturated"},
+              {"PDLikeController", PDLikeController_VALUES, PDLikeController_START, ""},
+              {"PositionForceController", PositionForceController_VALUES, PositionForceController_START, ""},
+              {"FourChannelController", FourChannelController_VALUES, FourChannelController_START, ""},
+              {"WaveController", WaveController_VALUES, WaveController_START, ""},
+              {"PassivityController", PassivityController_VALUES, PassivityController_START, ""},
+              {"TwoLayerController", TwoLayerController_VALUES, TwoLayerController_START, ""},
+              {"ModelMediatedController", ModelMediatedController_VALUES, ModelMediatedController_START, ""},
+              {"AdaptiveController", AdaptiveController_VALUES, AdaptiveController_START, ""},
+              {"PDController", PDController_VALUES, PDController_START, ""},
+              {"InverseDynamicsController", InverseDynamicsController_VALUES, InverseDynamicsController_START, ""},
+              {NULL, 0, NULL, NULL}};
 
 /* clang-format off */
 

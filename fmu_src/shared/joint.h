@@ -2,8 +2,8 @@
  *
  * Every effect of CONTRACT.md is a parameter that is zero by default, and a zero effect is skipped, not multiplied: the
  * bits of a run do not change by the presence of an absent effect. Names, units and meaning: joint.toml. Friction, required
- * torques and the amplifier are in `real` (real.h); in lanes (JOINT_IN_LANES) an effect is there where `present` says so,
- * because some lane has it. Delays, elastic joints, gaps and encoders are those of an instance of an FMU.
+ * torques, springs, encoders and the amplifier are in `real` (real.h); in lanes (JOINT_IN_LANES) an effect is there where `present` says so,
+ * because some lane has it. Delays are those of an instance of an FMU.
  */
 #ifndef JOINT_H
 #define JOINT_H
@@ -182,6 +182,43 @@ static inline real joint_delivered(const Joint *j, real command) {
     return u;
 }
 
+/* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap
+ * so stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */
+static inline void joint_complete(Joint *j, real inertia) {
+    const mask elastic = j->joint_compliance > 0.0, gives = elastic | (j->backlash > 0.0), gap = gives & ~elastic;
+    if (!any(gives)) return;
+    j->motor_inertia = choose(gives & (j->motor_inertia <= 0.0), inertia / 3.0, j->motor_inertia);
+    const real damping = 2.0 * 0.3 * 500.0 * j->motor_inertia;
+    j->joint_compliance = choose(gap, 1.0 / (j->motor_inertia * 500.0 * 500.0), j->joint_compliance);
+    j->joint_damping = choose(gap & (j->joint_damping <= 0.0), damping, j->joint_damping);
+}
+
+/* Torque from motor to link (N m): spring behind a gap of `backlash`, damper while the gap is closed. */
+static inline real joint_spring(const Joint *j, real stretch, real rate) {
+    const real half = 0.5 * j->backlash;
+    const real beyond = stretch - real_clamp(stretch, -half, half);
+    const real torque = beyond / j->joint_compliance;
+    const mask damped = (j->joint_damping != 0.0) & ((half == 0.0) | (beyond != 0.0));
+    return choose(damped, torque + j->joint_damping * rate, torque);
+}
+
+/* Encoder: the count nearest to q + offset, or q + offset itself (rad). */
+static inline real joint_encoder(const Joint *j, real q) {
+    const real read = choose(j->encoder_offset != 0.0, q + j->encoder_offset, q), count = j->encoder_resolution;
+    return choose(count > 0.0, count * real_floor(read / count + 0.5), read);
+}
+
+/* Explicit integration in steps of h holds for a lag and for elasticity only while |lambda h| is within RK4's reach. */
+static inline mask joint_lag_is_too_short(const Joint *j, real h) {
+    return (j->actuator_lag > 0.0) & (h > RK4_REACH * j->actuator_lag);
+}
+static inline real joint_rate(const Joint *j) {
+    return real_sqrt(1.0 / (j->joint_compliance * j->motor_inertia)) + j->joint_damping / j->motor_inertia;
+}
+static inline mask joint_is_too_stiff(const Joint *j, real h) {
+    return (j->joint_compliance > 0.0) & (h * joint_rate(j) > RK4_REACH);
+}
+
 /* Whether an impedance inside the device is as fast as `rate` (1/s) and so too fast for its internal steps: RK4 ends at 2.78;
  * other poses are up to a third faster. */
 static inline mask impedance_is_too_fast(real rate, double step, real steps) {
@@ -189,16 +226,6 @@ static inline mask impedance_is_too_fast(real rate, double step, real steps) {
 }
 
 #ifndef JOINT_IN_LANES /* of an instance */
-
-/* What an elastic joint or a gap needs and was not given: a motor with a third of the joint's inertia; sides of the gap
- * so stiff that the motor swings on them at 500 rad/s, with 0.3 of critical damping. */
-static inline void joint_complete(Joint *j, double inertia) {
-    if (!(j->joint_compliance > 0 || j->backlash > 0)) return;
-    if (!(j->motor_inertia > 0)) j->motor_inertia = inertia / 3;
-    if (j->joint_compliance > 0) return;
-    j->joint_compliance = 1 / (j->motor_inertia * 500.0 * 500.0);
-    if (!(j->joint_damping > 0)) j->joint_damping = 2 * 0.3 * 500.0 * j->motor_inertia;
-}
 
 /* True where friction is viscous and algebraic Coulomb only and the actuator and encoder are ideal. */
 static inline int joint_is_plain(const Joint *j) {
@@ -210,15 +237,6 @@ static inline int joint_is_plain(const Joint *j) {
            j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 && j->torque_deadband == 0 &&
            j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 && j->joint_compliance == 0 &&
            j->backlash == 0 && j->stop_stiffness == 0;
-}
-
-/* Torque from motor to link (N m): spring behind a gap of `backlash`, damper while the gap is closed. */
-static inline double joint_spring(const Joint *j, double stretch, double rate) {
-    const double half = 0.5 * j->backlash;
-    const double beyond = stretch - real_clamp(stretch, -half, half);
-    double torque = beyond / j->joint_compliance;
-    if (j->joint_damping != 0 && (half == 0 || beyond != 0)) torque += j->joint_damping * rate;
-    return torque;
 }
 
 /* The command of `delay` earlier. A command is held over its step; the ring holds (start of step, commands), `now` is
@@ -266,37 +284,26 @@ static inline const char *joint_check(const Joint *j, int number, char *text, si
     return NULL;
 }
 
-/* Explicit integration holds for lag and elasticity only while |lambda h| is within RK4's reach: NULL, or what to do.
- * `step` is the communication step, 0 in model exchange, where the importer's solver answers for its steps. */
+/* What is wrong with the internal steps of a joint: NULL, or what to do. `step` is the communication step, 0 in model exchange,
+ * where the importer's solver answers for its steps. */
 static inline const char *joint_check_step(const Joint *j, int number, double step, double internal_steps, char *text,
                                            size_t size) {
     const double h = step / internal_steps;
-    if (j->actuator_lag > 0 && h > RK4_REACH * j->actuator_lag) {
+    if (joint_lag_is_too_short(j, h)) {
         (void)snprintf(
             text, size,
             "actuator_lag[%d] = %g s is too short for the internal step of %g s: set internal_steps to %.0f or more",
             number, j->actuator_lag, h, ceil(step / j->actuator_lag) + 1);
         return text;
     }
-    if (j->joint_compliance > 0) {
-        const double rate = sqrt(1 / (j->joint_compliance * j->motor_inertia)) + j->joint_damping / j->motor_inertia;
-        if (h * rate > RK4_REACH) {
-            (void)snprintf(text, size,
-                           "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step of %g s: "
-                           "set internal_steps to %.0f or more",
-                           number, j->joint_compliance, h, ceil(step * rate));
-            return text;
-        }
+    if (joint_is_too_stiff(j, h)) {
+        (void)snprintf(text, size,
+                       "joint_compliance[%d] = %g rad/(N.m) is too stiff for the internal step of %g s: "
+                       "set internal_steps to %.0f or more",
+                       number, j->joint_compliance, h, ceil(step * joint_rate(j)));
+        return text;
     }
     return NULL;
-}
-
-/* Encoder: the count nearest to q + offset, or q + offset itself (rad). */
-static inline double joint_encoder(const Joint *j, double q) {
-    double read = q;
-    if (j->encoder_offset != 0) read += j->encoder_offset;
-    if (j->encoder_resolution > 0) read = j->encoder_resolution * floor(read / j->encoder_resolution + 0.5);
-    return read;
 }
 
 /* What is wrong with internal steps of an impedance inside the device, written to `text`; NULL: nothing. */

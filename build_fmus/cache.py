@@ -88,8 +88,12 @@ def key_of(*parts: bytes | str) -> str:
     return digest.hexdigest()
 
 
-def remembered(kind: str, key: str, make: Callable[[], Kept]) -> Kept:
-    """What `make` gives, kept from one process to the next; `key` must tell everything that decides it."""
+def remembered(
+    kind: str, key: str, make: Callable[[], Kept], worth: Callable[[Kept], bool] = lambda found: True
+) -> Kept:
+    """What `make` gives, kept from one process to the next where it is worth it; `key` must tell everything that
+    decides it.
+    """
     try:
         path = cache_folder() / kind / f"{key_of(sys.version, builder_code(), key)[:24]}.pickle"
     except BuildError:  # nowhere to keep it
@@ -98,7 +102,8 @@ def remembered(kind: str, key: str, make: Callable[[], Kept]) -> Kept:
         return pickle.loads(path.read_bytes())
     found = make()
     with suppress(BuildError):  # as good without
-        store(path, pickle.dumps(found))
+        if worth(found):
+            store(path, pickle.dumps(found))
     return found
 
 

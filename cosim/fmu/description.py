@@ -45,6 +45,8 @@ def _structural(description: FmuDescription, parameters: Mapping[str, object]) -
 
 _LARGEST = 200_000
 """Elements of arrays that are spread to scalars, each with its name."""
+_REMEMBERED = 5000
+"""Variables of a description that is kept from one process to the next: a megabyte."""
 
 
 def descriptions(scenario: Scenario, progress: Progress | None = None) -> dict[str, FmuDescription]:
@@ -76,8 +78,12 @@ def _describe(path: str, modified: int, size: int, given: tuple[tuple[str, int],
 
     content = digest(path, modified, size)
     key = key_of(content, repr(given), *_readers())
-    found = remembered("descriptions", key, lambda: _read(path, content, given))
+    found = remembered("descriptions", key, lambda: _read(path, content, given), _worth_keeping)
     return found if found.path == path else evolve(found, path=path)
+
+
+def _worth_keeping(found: FmuDescription) -> bool:
+    return len(found.variables) <= _REMEMBERED
 
 
 @cache

@@ -25,14 +25,14 @@ static double spent(void) { return (double)clock() / CLOCKS_PER_SEC; }
 /* Seconds of one call: articulated bodies at 64 states in turn. */
 double time_forward(Model *m, int calls, const double *q, const double *dq, const double *tau)
 {
-    const int n = count_of(m);
+    const int n = serial_count(m);
     double ddq[SERIAL_MOST];
     const double begun = spent();
     for (int i = 0; i < calls; i++) {
         const int at = (i & 63) * n;
         SerialPose pose;
-        serial_pose(n, m->joint_type, links_of(m), q + at, &pose);
-        serial_forward(n, m->joint_type, links_of(m), &pose, m->link_armature, m->pull, dq + at, tau + at, ddq);
+        serial_pose(n, m->kinds, serial_links(m), q + at, &pose);
+        serial_forward(n, m->kinds, serial_links(m), &pose, m->link_armature, m->pull, dq + at, tau + at, ddq);
         m->ddq[0] += 1e-300 * ddq[0];
     }
     return (spent() - begun) / calls;

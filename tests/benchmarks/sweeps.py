@@ -147,6 +147,8 @@ KINDS: dict[str, tuple[str, dict[str, object], list[str]]] = {
         {f"channel_*.{k}": v for k, v in LOSSY.items()},
         ["channel_*.seed"],
     ),
+    "PD+d, hand and wall": ("controllers", {}, ["channel_*.delay_mean"]),
+    "waves, hand and wall": ("controllers", {"controller_*.model": "WaveController"}, ["channel_*.delay_mean"]),
     "two arms of seven joints": ("panda", {}, ["channel_*.delay_mean"]),
     "PHANToM, arm of seven joints": ("phantom-panda", {}, ["channel_*.delay_mean"]),
 }

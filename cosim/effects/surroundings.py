@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Sequence
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -13,8 +14,7 @@ from cosim.effects.scene import Scene
 from cosim.measured.label import Label
 
 DAMPED = 0.15  # of a wall's spring force: a smaller damping is indistinguishable from none, whatever its sign
-SPEEDS = ("rad/s", "m/s")
-MOTIONS = (*SPEEDS, "rad", "m")  # units of the motion of another joint
+SPEEDS, ANGLES = ("rad/s", "m/s"), ("rad", "m")  # units of the motion of another joint
 LEAD = 0.04  # s, of a step of what a wall pushes ahead of its touch
 LASTING = 1e3  # lengths of the recording: a drift that goes on as it began
 
@@ -266,13 +266,13 @@ class JointCoupling(Effect):
         0.1,
     )  # of the other joint's top speed, over which the coupled Coulomb friction turns, to start from
     SHARED = ("dq_other", "dq + dq_other", "dq - dq_other")  # speeds that friction beside a recorded speed may follow
-    ANGLE = "q_other"  # of a spring beside a recorded angle
+    ANGLE = len(SHARED)  # number of the shape of a spring beside a recorded angle
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         if scene.joints == 1:
-            return tuple(
-                (-1.0 - k, float(v)) for k, name in enumerate(_motions(scene)) for v in self._beside(scene, name)
-            )
+            speeds = product(range(len(_recorded(scene, SPEEDS))), range(self.ANGLE))
+            angles = product(range(len(_recorded(scene, ANGLES))), (self.ANGLE,))
+            return tuple((-1.0 - k, float(shape)) for k, shape in (*speeds, *angles))
         others = [j for j in range(scene.joints) if j != joints[0]]
         shapes = [
             (k, w)
@@ -290,27 +290,22 @@ class JointCoupling(Effect):
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
         if theta[0] < 0:
-            return {joints[0]: self._from_recorded(scene, _motions(scene)[int(-theta[0] - 1)], int(theta[1]))}
+            return {joints[0]: self._from_recorded(scene, int(-theta[0] - 1), int(theta[1]))}
         j, shape = int(theta[0]), self.SHAPES[int(theta[1])]
         dq, q = scene.motion.dq[:, [j]], scene.motion.q[:, [j]]
         s = dq / np.sqrt(dq**2 + max(theta[2], 1e-12) ** 2)
         parts = {"viscous": (dq,), "coulomb": (s,), "both": (dq, s), "spring": (q,)}[shape]
         return {joints[0]: np.concatenate(parts, axis=1)}
 
-    def _beside(self, scene: Scene, name: str) -> range:
-        """Shapes that a coupling from a recorded signal may have: of its angle the last, of its speed the others."""
-        first, last = len(self.SHARED), len(self.SHARED) + 1
-        return range(first) if scene.units[name] in SPEEDS else range(first, last)
-
-    def _from_recorded(self, scene: Scene, name: str, shape: int) -> np.ndarray:
-        """The angle of a recorded signal, or viscous and Coulomb columns of its speed, or of its sum or difference with
-        the joint's own.
+    def _from_recorded(self, scene: Scene, number: int, shape: int) -> np.ndarray:
+        """A recorded angle, or viscous and Coulomb columns of a recorded speed, or of its sum or difference with the
+        joint's own.
 
         A motor that drives two joints (TX40: q_m6 = 32 q6 + 32 q5) has its friction on the sum.
         """
-        m = scene.motion
+        m, name = scene.motion, _recorded(scene, ANGLES if shape == self.ANGLE else SPEEDS)[number]
         other = m.smooth(m.other[name][:, None])
-        if shape == len(self.SHARED):
+        if shape == self.ANGLE:
             return other
         speed = (other, m.dq + other, m.dq - other)[shape]
         width = 0.02 * np.percentile(np.abs(speed), 99)
@@ -320,9 +315,10 @@ class JointCoupling(Effect):
         """Of the coupling with the number of its pair of joints (`pair_number`)."""
         theta, beta = estimate.theta, map(float, estimate.beta)
         if theta[0] < 0:
-            of, names = (*self.SHARED, self.ANGLE)[int(theta[1])], ("viscous", "coulomb")
-            names = ("stiffness",) if of == self.ANGLE else names
-            return dict(zip((Label(f"coupling_{n} of {of}") for n in names), beta, strict=True))
+            if theta[1] == self.ANGLE:
+                return {Label("coupling_stiffness of q_other"): next(beta)}
+            speed = self.SHARED[int(theta[1])]
+            return dict(zip((Label(f"coupling_{n} of {speed}") for n in ("viscous", "coulomb")), beta, strict=True))
         shape = self.SHAPES[int(theta[1])]
         k = pair_number(estimate.scene.joints, estimate.joints[0], int(theta[0]))
         names = {"both": ("viscous", "coulomb"), "spring": ("stiffness",)}.get(shape, (shape,))
@@ -344,6 +340,6 @@ def pair_of(joints: int, number: int) -> tuple[int, int]:
     return on, other + (other >= on)
 
 
-def _motions(scene: Scene) -> list[str]:
-    """Recorded signals beside a single joint that are speeds or angles."""
-    return sorted(name for name, unit in scene.units.items() if unit in MOTIONS and name in scene.motion.other)
+def _recorded(scene: Scene, units: tuple[str, ...]) -> list[str]:
+    """Recorded signals beside a single joint that have one of these units."""
+    return sorted(name for name, unit in scene.units.items() if unit in units and name in scene.motion.other)

@@ -18,9 +18,6 @@ KINDS = {
         refusal.1e-09 refusal.1e-30 actuator.1e-09 model.FEWEST_ROWS moving_arm.6 moving_arm.UPRIGHT surroundings.3
         surroundings.4 surroundings.0.9 surroundings.0.1 surroundings.LASTING
     """,
-    "units": """
-        surroundings.SPEEDS surroundings.MOTIONS
-    """,
     "bounds of physical parameters": """
         actuator.LONGEST actuator.0.6 mounting.0.5 moving_arm.UNBALANCED position.0.2 position.0.001 position.FEWEST
         speed.ENDED speed.RISEN surroundings.0.2 surroundings.DAMPED surroundings.0.6

@@ -138,6 +138,10 @@ class Erasing(Effect):
     def delivered(self, u: np.ndarray, theta: Theta) -> tuple[np.ndarray, np.ndarray]:
         """The delivered torque (n,) and where (n,) it tells the command."""
 
+    def tells(self, theta: Theta) -> bool:
+        """Whether a torque that the model predicts tells the command, however small it is."""
+        return False
+
     def command(self, torque: np.ndarray, theta: Theta) -> np.ndarray:
         """The command (n,) that a predicted torque tells of; what is lost is not made up."""
         return torque
@@ -148,9 +152,6 @@ class Erasing(Effect):
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return ()
-
-    def theta_labels(self, joints: Joints) -> tuple[Label, ...]:
-        return (per_joint(self.name, joints),)
 
     def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
         return {per_joint(self.name, estimate.joints): estimate.theta[0]}
@@ -180,24 +181,37 @@ class TorqueSaturation(Erasing):
 
 
 class TorqueDeadband(Erasing):
-    """Small commands are not delivered."""
+    """Small commands are not delivered; theta = (d, whole): larger ones less d (0), or as they are (1), as where an
+    amplifier has a least output.
+    """
 
     name = "torque_deadband"
     title = "dead band of the torque"
-    equation = "tau = u - clip(u, -d, d)"
+    equation = "tau = u - clip(u, -d, d), or u where |u| > d"
     source = "amplifier, valve or brush"
     aliases: tuple[Alias, ...] = (Alias("load_friction", "torque at rest, both signs"),)
     needs = "commands that change sign while the joint moves"
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
-        return tuple((float(x),) for x in np.geomspace(0.02, 0.6, 9) * np.percentile(u, 90))
+        levels = np.geomspace(0.02, 0.6, 9) * np.percentile(u, 90)
+        return tuple((float(x), whole) for whole in (0.0, 1.0) for x in levels)
 
     def delivered(self, u: np.ndarray, theta: Theta) -> tuple[np.ndarray, np.ndarray]:
-        return u - np.clip(u, -theta[0], theta[0]), np.abs(u) > theta[0]
+        limit, whole = theta
+        kept = np.abs(u) > limit
+        return np.where(kept, u, 0.0) if whole else u - np.clip(u, -limit, limit), kept
+
+    def tells(self, theta: Theta) -> bool:
+        return not theta[1]
 
     def command(self, torque: np.ndarray, theta: Theta) -> np.ndarray:
-        return torque + theta[0] * np.sign(torque)
+        limit, whole = theta
+        return torque if whole else torque + limit * np.sign(torque)
 
     def lost_density(self, u: np.ndarray, theta: Theta) -> float:
         return 1 / (2 * max(theta[0], 1e-12))
+
+    def parameters(self, estimate: EffectEstimate) -> dict[Label, float]:
+        limit, whole = estimate.theta
+        return {per_joint("torque_threshold" if whole else self.name, estimate.joints): limit}

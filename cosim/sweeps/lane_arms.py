@@ -18,7 +18,8 @@ _RIGID = {
     *("position_torque_quadratic", "position_torque_cubic", "position_torque_sin", "position_torque_cos"),
     *("ripple_sin", "ripple_cos", "ripple_order", "hysteresis", "hysteresis_length", "hysteresis_exponent"),
     *("hysteresis_ratio", "hysteresis_tilt", "quadratic_drag", "friction_drift", "friction_drift_time"),
-    *("torque_gain", "torque_deadband", "stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
+    *("torque_gain", "torque_deadband", "torque_threshold"),
+    *("stop_stiffness", "stop_damping", "stop_angle", "stop_side"),
     *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
 }
 """What may differ from the table in the kernel's arms."""

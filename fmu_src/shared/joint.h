@@ -26,7 +26,7 @@
     F(position_torque_sin) F(position_torque_cos) F(ripple_sin) F(ripple_cos) F(ripple_order) F(hysteresis) \
     F(hysteresis_length) F(hysteresis_exponent) F(hysteresis_ratio) F(hysteresis_tilt) F(quadratic_drag) \
     F(friction_drift) F(friction_drift_time) F(torque_gain) \
-    F(torque_deadband) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
+    F(torque_deadband) F(torque_threshold) F(torque_saturation) F(actuator_lag) F(time_delay) F(joint_compliance) F(motor_inertia) F(joint_damping) F(backlash) \
     F(stop_stiffness) F(stop_damping) F(stop_angle) F(stop_side) \
     F(encoder_resolution) F(encoder_offset)
 /* clang-format on */
@@ -171,10 +171,11 @@ static inline real joint_hysteresis_limit(real z) {
     return choose(real_abs(z) > 1.001, choose(z > 0.0, real_of(1.0), real_of(-1.0)), z);
 }
 
-/* The amplifier: (1 + gain) u, then the deadband, then the limit (N m). */
+/* The amplifier: (1 + gain) u, then the threshold and the deadband, then the limit (N m). */
 static inline real joint_delivered(const Joint *j, real command) {
     real u = command;
     if (JOINT_HAS(j, torque_gain)) u = choose(j->torque_gain != 0.0, u * (1.0 + j->torque_gain), u);
+    if (JOINT_HAS(j, torque_threshold)) u = choose(real_abs(u) > j->torque_threshold, u, real_of(0.0));
     if (JOINT_HAS(j, torque_deadband))
         u = choose(j->torque_deadband > 0.0, u - real_clamp(u, -j->torque_deadband, j->torque_deadband), u);
     if (JOINT_HAS(j, torque_saturation))
@@ -235,8 +236,8 @@ static inline int joint_is_plain(const Joint *j) {
            j->position_torque_quadratic == 0 && j->position_torque_cubic == 0 && j->position_torque_sin == 0 &&
            j->position_torque_cos == 0 && j->ripple_sin == 0 && j->ripple_cos == 0 && j->hysteresis == 0 &&
            j->quadratic_drag == 0 && j->friction_drift == 0 && j->torque_gain == 0 && j->torque_deadband == 0 &&
-           j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 && j->joint_compliance == 0 &&
-           j->backlash == 0 && j->stop_stiffness == 0;
+           j->torque_threshold == 0 && j->torque_saturation <= 0 && j->actuator_lag == 0 && j->time_delay == 0 &&
+           j->joint_compliance == 0 && j->backlash == 0 && j->stop_stiffness == 0;
 }
 
 /* The command of `delay` earlier. A command is held over its step; the ring holds (start of step, commands), `now` is

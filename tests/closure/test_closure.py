@@ -367,6 +367,27 @@ def test_a_cable_to_a_neighbour_of_which_only_the_angle_is_recorded_is_a_couplin
     assert low < 0.08 < high < 0.085
 
 
+def test_an_amplifier_with_a_least_output_is_a_dead_band_whose_larger_commands_come_whole():
+    """A joint under a PD controller with friction, simulated here; the command is recorded."""
+    random, step, limit = np.random.default_rng(6), 1e-3, 0.15
+    q = speed = 0.0
+    rows = []
+    for t in np.arange(0, 30.0, step):
+        ahead = 0.8 * np.sin(1.7 * t) + 0.3 * np.sin(4.3 * t)
+        u = 40.0 * (ahead - q) - 3.0 * speed
+        rows.append((t, q, u))
+        friction = 0.05 * speed + 0.04 * np.tanh(speed / 0.02)
+        speed += step * ((u if abs(u) > limit else 0.0) - friction) / 0.3
+        q += step * speed
+    time, angle, command = np.array(rows).T
+    recording = still(lambda t, q, dq: 0 * t, gravity=False)
+    run = Run("run", time, (angle + 1e-6 * random.normal(size=len(time)))[:, None], command[:, None], time >= 15.0)
+    known = tuple(e for e in BUILT_IN if e.name in ("torque_deadband", "torque_offset", "stribeck", "load_friction"))
+    found = close_loop(evolve(recording, runs=(run,)), Options(effects=known, replayed=False)).verdict.findings
+    assert [f.name for f in found] == ["torque_deadband"]
+    assert found[0].parameters == pytest.approx({Label("torque_threshold", 1): limit}, rel=0.03)
+
+
 SOME = tuple(
     e for e in BUILT_IN if e.name in ("viscous_asymmetry", "coulomb_asymmetry", "quadratic_drag", "torque_ripple")
 )

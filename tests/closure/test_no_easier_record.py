@@ -56,7 +56,7 @@ def test_an_identity_earns_nothing(seed):
     """u - clip(u) + clip(u) = u: behind saturation and dead band with one limit nothing is left to explain."""
     base = model(seed)
     limit = float(np.percentile(np.abs(base.setting.motion.tau_raw), 70))
-    both = with_choices(base, (chosen("torque_deadband", limit), chosen("torque_saturation", 1e-9)))
+    both = with_choices(base, (chosen("torque_deadband", limit, 0.0), chosen("torque_saturation", 1e-9)))
     assert both.kept[0][base.setting.use[0]].mean() < 0.01
     assert both.score() <= base.score()
     before, after = errors(base, both)
@@ -64,14 +64,16 @@ def test_an_identity_earns_nothing(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", ["torque_saturation", "torque_deadband"])
-def test_erased_rows_explain_nothing_that_is_random(seed, name):
+@pytest.mark.parametrize(
+    ("name", "form"), [("torque_saturation", ()), ("torque_deadband", (0.0,)), ("torque_deadband", (1.0,))]
+)
+def test_erased_rows_explain_nothing_that_is_random(seed, name, form):
     """The more an effect erases of a torque that holds noise alone, the less it earns, and it is never sure."""
     base = model(seed)
     u = np.abs(base.setting.motion.tau_raw)
     for percent in (20, 50, 80):
         theta = float(np.percentile(u, percent if name == "torque_saturation" else 100 - percent))
-        new = with_choices(base, (chosen(name, theta),))
+        new = with_choices(base, (chosen(name, theta, *form),))
         assert new.score() < base.score()
         assert "cannot contradict" in doubt_of(new, new.choices[0], (0,))
         if name == "torque_deadband":

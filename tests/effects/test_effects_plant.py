@@ -32,7 +32,7 @@ THETA = {
     "external_contact": (0.6, 0.0, 0.8, 0.01, 0.5 / 200.0),
     ("external_contact", "one joint"): (-1.0, 0.4, 0.5 / 200.0),
     "torque_saturation": (0.04,),
-    "torque_deadband": (0.02,),
+    "torque_deadband": (0.02, 0.0),
 }
 OTHERWISE = {  # compared as motions elsewhere, or not as a column
     "actuator_lag": "a filter",

@@ -122,6 +122,10 @@ REQUIRED = {  # parameters, required torque of (q, dq, t, z)
         {"torque_saturation": [0.02, 0.03, 0.5]},
         lambda q, v, t, z: TAU - np.clip(TAU, [-0.02, -0.03, -0.5], [0.02, 0.03, 0.5]),
     ),
+    "torque_deadband, larger ones whole": (
+        {"torque_threshold": [0.01, 0.02, 0.05]},
+        lambda q, v, t, z: np.where(np.abs(TAU) > [0.01, 0.02, 0.05], 0.0, TAU),
+    ),
     "torque_deadband": (
         {"torque_deadband": [0.01, 0.02, 0.05]},
         lambda q, v, t, z: np.clip(TAU, [-0.01, -0.02, -0.05], [0.01, 0.02, 0.05]),

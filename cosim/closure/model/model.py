@@ -256,13 +256,14 @@ class Model:
 
     @cached_property
     def told(self) -> np.ndarray:
-        """Rows (J, m) of which the model tells the command: those that no saturation erases; all where it erases
-        all.
+        """Rows (J, m) of which the model tells the command: those of which nothing is lost that the torque does not
+        tell; all where all is.
         """
         out = np.ones_like(self.setting.use)
         for j in range(self.setting.joints):
-            if limits := tuple(c for c in self.erasing(j) if c.effect.name == "torque_saturation"):
-                out[j] = self.formed.erased(j, limits)[1] > HALF
+            lost = (c for c in self.erasing(j) if isinstance(c.effect, Erasing) and not c.effect.tells(c.theta))
+            if silent := tuple(lost):
+                out[j] = self.formed.erased(j, silent)[1] > HALF
         return out | ~out.any(axis=1, keepdims=True)
 
     @cached_property

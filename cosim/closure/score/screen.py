@@ -95,9 +95,9 @@ class Screen(Replicates):
         if not thetas:
             return Untestable(nothing, "this motion has no values of its parameters to try")
         if isinstance(effect, Late):
-            best = self._late(effect, joints, thetas)
+            best = self._late(effect, joints, thetas, found)
         elif isinstance(effect, Erasing):
-            best = self._erasing(effect, joints, thetas)
+            best = self._erasing(effect, joints, thetas, found)
         else:
             best = self._law(effect, joints, thetas, found)
         reason = "its columns lie within the model already, or no value of them is physical"
@@ -180,7 +180,7 @@ class Screen(Replicates):
             left[j] -= found.own(np.array([0]), j)[:, 0]
         return left
 
-    def _late(self, effect: Effect, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:
+    def _late(self, effect: Effect, joints: Joints, thetas: Sequence[Theta], sought: Theta | None) -> Screened | None:
         """A lag or delay of the prediction: the whole design of its joints passes through it."""
         if any(self.model.late(j) for j in joints):
             return None
@@ -190,12 +190,14 @@ class Screen(Replicates):
             e = self.drive.behind(effect, joints, theta, count)
             return before[:count] - sum(self.losses(own, j) for j, own in enumerate(e))
 
-        theta, gain = self._against_chance(thetas, told)
+        theta, gain = self._against_chance(effect, thetas, sought, told)
         choice = ChosenEffect(effect, joints, theta)
         share = self.drive.explained([own[:, 0] for own in self.drive.behind(effect, joints, theta, 1)])
         return Screened(choice, gain, share, self, self.of_noise(choice, float(gain[0])))
 
-    def _erasing(self, effect: Erasing, joints: Joints, thetas: Sequence[Theta]) -> Screened | None:
+    def _erasing(
+        self, effect: Erasing, joints: Joints, thetas: Sequence[Theta], sought: Theta | None
+    ) -> Screened | None:
         """Saturation or dead band: the delivered torque is explained, rows that it erases are charged."""
         (j,) = joints
         if any(c.effect.key == effect.key for c in self.model.erasing(j)):
@@ -206,18 +208,23 @@ class Screen(Replicates):
             e, charge = self.drive.delivered(effect, j, theta, count)
             return before[:count] - self.losses(e, j) + charge
 
-        theta, gain = self._against_chance(thetas, told)
+        theta, gain = self._against_chance(effect, thetas, sought, told)
         return Screened(ChosenEffect(effect, joints, theta), np.maximum(gain, 0), 1.0, self)
 
     def _against_chance(
-        self, thetas: Sequence[Theta], told: Callable[[Theta, int], np.ndarray]
+        self,
+        effect: Effect,
+        thetas: Sequence[Theta],
+        sought: Theta | None,
+        told: Callable[[Theta, int], np.ndarray],
     ) -> tuple[Theta, np.ndarray]:
         """The value of most gain on the data, and what data and replicates (1 + R,) gain, at least 0 of these; `told`
         says it of so many of them. Data that gain nothing are not held against chance.
         """
-        nats, best = max((float(told(theta, 1)[0]), theta) for theta in thetas)
+        every = [(theta, 0) for theta in thetas] + [(t, len(effect.continuous(t))) for t in (sought,) if t is not None]
+        nats, best = max((float(told(theta, 1)[0]) - moved, theta) for theta, moved in every)
         null = np.zeros(self.replicates)
-        for theta in thetas if nats > 0 else ():
+        for theta, _ in every if nats > 0 else ():
             null = np.maximum(null, told(theta, 1 + self.replicates)[1:])
         return best, np.r_[nats, null]
 

@@ -107,8 +107,21 @@ def _against_bar(found: list[Screened], last: bool = False) -> list[Screened]:
     largest = z[:, 1:].max(axis=0)
     scale = largest.std() * np.sqrt(6) / np.pi
     bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log1p(-ALPHA / QUESTIONS))
-    known = [evolve(x, z=float(v), clear=bool(v > bar) and _counts(x)) for x, v in zip(found, z[:, 0], strict=True)]
-    return known if last else [_looked_at_again(x, float(bar), usual) for x in known]
+    least = _chance(len(found))
+    known = [
+        evolve(x, z=float(v), clear=bool(v > bar and x.gain[0] > least) and _counts(x))
+        for x, v in zip(found, z[:, 0], strict=True)
+    ]
+    return known if last else [_looked_at_again(x, float(bar), least, usual) for x in known]
+
+
+def _chance(hypotheses: int) -> float:
+    """Nats that one free parameter explains of noise alone in one of so many hypotheses, at the level of a question
+    (Wilks 1938): replicates of which a limit erases nothing have no spread to tell it.
+    """
+    from scipy.special import chdtri
+
+    return float(chdtri(1, ALPHA / QUESTIONS / hypotheses)) / 2
 
 
 def _standardised(roots: np.ndarray, usual: tuple[float, float]) -> np.ndarray:
@@ -125,7 +138,7 @@ def _counts(x: Screened) -> bool:
     return x.share > SIZE and not x.noise
 
 
-def _looked_at_again(x: Screened, bar: float, usual: tuple[float, float]) -> Screened:
+def _looked_at_again(x: Screened, bar: float, least: float, usual: tuple[float, float]) -> Screened:
     """A law that does not pass the bar, beside replicates of what it leaves itself at its best parameters; not where it
     could not pass it beside any.
     """
@@ -137,4 +150,4 @@ def _looked_at_again(x: Screened, bar: float, usual: tuple[float, float]) -> Scr
     if not isinstance(again, Screened):
         return x
     z = float(_standardised(np.cbrt(np.maximum(again.gain, 0))[None], usual)[0, 0])
-    return evolve(x, z=z, clear=bool(z > bar)) if z > x.z else x
+    return evolve(x, z=z, clear=bool(z > bar and x.gain[0] > least)) if z > x.z else x

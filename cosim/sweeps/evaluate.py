@@ -173,9 +173,10 @@ def spectrum(task: Task, points: Sequence[Point]) -> list[PointResult]:
 
 
 def _batch_key(wiring: Wiring) -> str:
-    """What the scenarios of one call of the kernel have in common: components, connections, experiment."""
+    """What the scenarios of one call of the kernel have in common: components, connections, experiment, signals."""
     scenario = wiring.scenario
-    return repr((scenario.name, [(n, c.kind) for n, c in scenario.components.items()], scenario.experiment))
+    components = [(n, c.kind) for n, c in scenario.components.items()]
+    return repr((scenario.name, components, scenario.experiment, _limited(wiring)))
 
 
 def _refusal(wiring: Wiring) -> str | None:
@@ -187,26 +188,27 @@ def _refusal(wiring: Wiring) -> str | None:
     return lane_refusal(wiring, _signals(wiring))
 
 
-@of_structure
 def _signals(wiring: Wiring) -> list[str]:
-    """The signals that the verdict and the tracking error are computed from: of an arm whose motors the kernel takes
-    to have no limits not whether they are there.
-    """
-    from cosim.sweeps.lane import HELD
+    """The signals that the verdict and the tracking error are computed from."""
+    return _signals_of(wiring, _limited(wiring))
 
-    limited = {
-        f"{name}.saturated"
-        for name, c in wiring.scenario.components.items()
-        if "saturated" in HELD.get(c.model or "", ())
-    }
-    names = [n for n in wiring.signals if stem(n.partition(".")[2]) in _RECORDED]
-    names = [n for n in names if not n.endswith(".saturated") or n in limited]
-    operator = [n for n in wiring.signals if stem(n) == "operator.f"]
-    return list(
-        dict.fromkeys(
-            stem(n) for n in names + operator if wiring.descriptions[n.partition(".")[0]].integrates or n in operator
-        )
-    )
+
+def _limited(wiring: Wiring) -> tuple[str, ...]:
+    """The arms whose motors have limits."""
+    starts = ((name, value) for name, given in wiring.starts.items() for value in given.items())
+    return tuple(dict.fromkeys(name for name, (v, x) in starts if stem(v) == "torque_saturation" and x != 0.0))
+
+
+@of_structure
+def _signals_of(wiring: Wiring, limited: tuple[str, ...]) -> list[str]:
+    def counts(name: str) -> bool:
+        component, _, variable = name.partition(".")
+        if stem(name) == "operator.f":
+            return True
+        told = stem(variable) in _RECORDED and (variable != "saturated" or component in limited)
+        return told and wiring.descriptions[component].integrates
+
+    return list(dict.fromkeys(stem(name) for name in wiring.signals if counts(name)))
 
 
 def _by_kernel(setups: Sequence[PointSetup], task: Task) -> list[PointResult]:

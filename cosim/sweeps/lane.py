@@ -22,6 +22,7 @@ HELD = {
         "dq_link": ("dq",),
         "x_tip": ("x", "x_tip"),
         "dx_tip": ("dx", "dx_tip"),
+        "saturated": ("saturated",),
         "f_contact": ("f_contact",),
     },
     "PLikeController": {"f": ("f",), "tau": ("tau",)},

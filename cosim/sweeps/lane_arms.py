@@ -23,7 +23,7 @@ _RIGID = {
     *("coupling_viscous", "coupling_coulomb", "coupling_stiffness", "coupling_velocity"),
 }
 """What may differ from the table in the kernel's arms."""
-_PHANTOM = _RIGID | {"pi", "mounting", "workspace_limits"}
+_PHANTOM = _RIGID | {"pi", "mounting", "workspace_limits", "torque_saturation"}
 _TABLE = {
     *("joints", "joint_type", "origin_x", "origin_y", "origin_z", "origin_roll", "origin_pitch", "origin_yaw"),
     *("axis_x", "axis_y", "axis_z", "mass", "centre_x", "centre_y", "centre_z", "rotor_inertia", "gear_ratio"),

@@ -90,15 +90,31 @@ static void note_effects(Part *a) {
         arm_has(m->coupling_viscous, 6) || arm_has(m->coupling_coulomb, 6) || arm_has(m->coupling_stiffness, 6);
 }
 
+/* Where a motor is at its limit. */
+APART static mask arm_saturated(const Part *a) {
+    const PhantomArmModel *m = &a->model.arm;
+    real torque[3], weight[3];
+    mask at_limit = nowhere();
+    arm_weight(m, &a->pose, weight);
+    arm_command(m, &a->pose, torque);
+    arm_add_own_command(m, &a->pose, m->dq_link, weight, torque);
+    for (int i = 0; i < 3; i++) {
+        const real limit = m->torque_saturation[i], given = joint_delivered(a->joints + i, torque[i]);
+        at_limit = at_limit | ((limit > 0.0) & (real_abs(given) >= limit));
+    }
+    return at_limit;
+}
+
 static void show_arm(Part *a, const Component *c, real *out) {
     const PhantomArmModel *m = &a->model.arm;
     a->pose = arm_pose(m->q_link);
     for (int i = 0; i < 3; i++) out[i] = m->q_link[i], out[3 + i] = m->dq_link[i];
     arm_position(&a->pose, out + 6);
     arm_velocity(&a->pose, m->dq_link, out + 9);
-    if (c->n_outputs == 12) return;
-    for (int i = 0; i < 3; i++) out[12 + i] = m->f_contact[i];
-    if (m->walled != 0) arm_contact_force(m, &a->pose, m->dq_link, out + 12);
+    out[12] = a->effects & PLAIN_BIT(torque_saturation) ? real_of_mask(arm_saturated(a)) : real_of(0.0);
+    if (c->n_outputs == 13) return;
+    for (int i = 0; i < 3; i++) out[13 + i] = m->f_contact[i];
+    if (m->walled != 0) arm_contact_force(m, &a->pose, m->dq_link, out + 13);
 }
 
 static void start_arm(Part *a, const Component *c, real *out) {
@@ -141,6 +157,7 @@ static void step_arm(Part *a, const Component *c, double time, double size, real
         step_arm_with_effects(a, size);
     else
         step_plain_arm(a, size);
+    if (a->effects & PLAIN_BIT(torque_saturation)) move_inputs(a, size);
     show_arm(a, c, out);
 }
 

@@ -85,7 +85,7 @@ static const struct {
     int64_t n_values;
     const double *start;
     const char *held;
-} models[] = {{"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip f_contact"},
+} models[] = {{"PhantomArm", PhantomArm_VALUES, PhantomArm_START, "q_link dq_link x_tip dx_tip saturated f_contact"},
               {"PLikeController", PLikeController_VALUES, PLikeController_START, "f tau"},
               {"VariableDelayChannel", VariableDelayChannel_VALUES, VariableDelayChannel_START, "y w"},
               {"Operator", Operator_VALUES, Operator_START, "f"},

@@ -232,7 +232,7 @@ def test_bits_do_not_depend_on_the_width_of_the_lanes(flags, monkeypatch):
 
 REFUSED = {
     "experiment.bound is 0.5, and the kernel watches what it computes only": {"experiment.bound": 0.5},
-    "arm_l: its torque_saturation[1] is 0.01": {"arm_l.torque_saturation[1]": 0.01},
+    "arm_l: its actuator_lag[1] is 0.01": {"arm_l.actuator_lag[1]": 0.01},
     "arm_r: its coulomb_form[2] is 0.5": {"arm_r.coulomb_form[2]": 0.5},
     "channel_rl: it loses samples of a plain time delay": {"channel_rl.loss_good": 0.1},
     "channel_lr: its delay_max is below its delay_min": {"channel_lr.delay_min": 0.5},

@@ -19,6 +19,7 @@ from cosim.sweeps.pool import Here, Task
 
 RECORD = [
     *("arm_l.q", "arm_l.dq", "arm_r.q", "arm_r.x_tip", "arm_r.dx", "arm_r.tau_motor", "arm_r.saturated"),
+    "arm_l.saturated",
     *("arm_r.f_contact", "controller_l.f", "controller_r.tau", "channel_lr.y", "operator.f"),
 ]
 HANDED = """
@@ -131,9 +132,9 @@ def test_the_shipped_example_of_seven_joints():
 
 
 def test_a_phantom_leads_an_arm_of_seven_joints():
-    """Tip to tip, with packets that overtake each other and are lost in some lanes."""
+    """Tip to tip, with packets that overtake each other and are lost in some lanes, and a motor at its limit."""
     lossy = {"channel_*.semantics": "newest_packet", "channel_*.law": "uniform", "channel_*.delay_max": 0.06}
-    same(
+    found = same(
         "phantom-panda",
         0.3,
         *(
@@ -141,7 +142,10 @@ def test_a_phantom_leads_an_arm_of_seven_joints():
             for k in (1, 2)
         ),
         lossy | {"channel_*.semantics": "packet_order", "controller_r.stiffness": 200.0, "arm_l.coulomb": 0.002},
+        {"arm_l.torque_saturation": [0.001, 0.0, 0.1], "operator.amplitude": [2.0, 1.0, 1.0], "arm_l.stribeck": 0.001},
     )
+    assert set(found[3].signals["arm_l.saturated"]) == {0.0, 1.0}
+    assert set(found[0].signals["arm_l.saturated"]) == {0.0}
 
 
 def test_three_joints_with_a_hand_and_a_wall(handed):

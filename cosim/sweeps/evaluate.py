@@ -176,7 +176,13 @@ def _batch_key(wiring: Wiring) -> str:
     """What the scenarios of one call of the kernel have in common: components, connections, experiment, signals."""
     scenario = wiring.scenario
     components = [(n, c.kind) for n, c in scenario.components.items()]
-    return repr((scenario.name, components, scenario.experiment, _limited(wiring)))
+    return repr((scenario.name, components, scenario.experiment, _limited(wiring), _connected(wiring)))
+
+
+@of_structure
+def _connected(wiring: Wiring) -> int:
+    """A number of the connections, element by element: arms of other numbers of joints have others."""
+    return hash(wiring.links)
 
 
 def _refusal(wiring: Wiring) -> str | None:

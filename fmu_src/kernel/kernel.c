@@ -197,17 +197,22 @@ static void refresh(Part *a, const Component *c) {
     for (int64_t k = 0; k < c->n_starts; k++) a->values[c->started[k]] = c->starts[k];
 }
 
-/* As master.initialise: outputs to inputs until nothing changes any more. */
+/* As master.initialise: all outputs to inputs, as many times; where a loop closes without delay it counts how often. */
 static void initialise(Job *job, Part *work, const int64_t *const *sources) {
+    const size_t size = (size_t)job->n_places * sizeof(real);
+    real *const before = job->store + job->n_places;
     for (int64_t i = 0; i < job->n_components; i++) refresh(work + i, job->components + i);
-    for (int64_t round = 0; round <= job->n_components + 1; round++)
+    for (int64_t round = -1; round <= job->n_components; round++) {
+        memcpy(before, job->store, size);
         for (int64_t i = 0; i < job->n_components; i++) {
             const Component *c = job->components + i;
             if (is_controller(c)) refresh(work + i, c); /* what it remembers */
-            for (int64_t k = 0; k < c->n_inputs; k++) values_of(work + i)[c->inputs[k]] = job->store[sources[i][k]];
+            if (round >= 0)
+                for (int64_t k = 0; k < c->n_inputs; k++) values_of(work + i)[c->inputs[k]] = before[sources[i][k]];
             start(work + i, c, job->step_ns / 1e9, outputs(job, c, 0));
         }
-    memcpy(job->store + job->n_places, job->store, (size_t)job->n_places * sizeof(real));
+    }
+    memcpy(before, job->store, size);
 }
 
 static void record(const Job *job, const int64_t *columns, int64_t done) {

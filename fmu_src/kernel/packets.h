@@ -42,7 +42,8 @@ static inline real arrivals(double t, real delay) {
 static inline real points_of(const Component *c, real stamps, int64_t now, double size) {
     const double step_ns = floor(size * 1e9 + 0.5), last = (double)(now + c->capacity - 1);
     const real point = real_min(nearest(stamps / size), real_of(last)), time = (point - 1.0) * step_ns / 1e9 + size;
-    return real_max(choose(stamps <= time + RING_SAME, point, point + 1.0), real_of((double)now));
+    const real arrived = choose(stamps <= time + RING_SAME, point, point + 1.0);
+    return real_max(real_min(arrived, real_of(last)), real_of((double)now));
 }
 
 /* Sample k of a lane goes into the line of those that were sent. */

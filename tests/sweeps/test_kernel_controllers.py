@@ -3,8 +3,11 @@
 import tomllib
 
 import pytest
+from attrs import evolve
 
+from cosim.fmu import open_system
 from cosim.scenario import load_scenario
+from cosim.sweeps.evaluate import _batch_key
 from tests.support.paths import ROOT
 from tests.sweeps.test_kernel_arms import same
 
@@ -93,3 +96,24 @@ def test_pd_control(tmp_path):
         {"controller.delay_samples": 3, "controller.command_scale": 0.9, "controller.difference_samples": 4},
         record=recorded(str(path)),
     )
+
+
+def test_a_loop_that_closes_without_delay_at_the_start():
+    """What the outputs are then depends on how often they are passed on to the inputs."""
+    waves = {"controller_*.model": "WaveController", "controller_*.impedance": 1.0, "arm_l.dq_start": [1e-6, 8e-7, 0.0]}
+    same("controllers", 0.05, waves, waves | {"controller_*.impedance": 2.0}, record=recorded("controllers"))
+
+
+def test_packets_that_arrive_after_the_end_of_the_run():
+    late = {"channel_*.law": "constant", "channel_*.delay_mean": 1.0, "channel_*.semantics": "newest_packet"}
+    found = same("sallam-stable", 0.3, late, late | {"channel_*.delay_mean": 0.1}, record=["arm_l.q", "channel_lr.y"])
+    assert not found[0].signals["channel_lr.y[1]"][2:].any() and found[1].signals["channel_lr.y[1]"].any()
+
+
+def test_points_with_other_connections_are_no_lanes_of_one_call():
+    """As arms of other numbers of joints have; lanes are laid out as the first of them."""
+    scenario = load_scenario("panda")
+    with open_system(scenario) as system:
+        wiring = system.wiring(scenario)
+    assert _batch_key(evolve(wiring, links=tuple(list(wiring.links)))) == _batch_key(wiring)
+    assert _batch_key(evolve(wiring, links=wiring.links[:-1])) != _batch_key(wiring)

@@ -115,5 +115,5 @@ def test_points_with_other_connections_are_no_lanes_of_one_call():
     scenario = load_scenario("panda")
     with open_system(scenario) as system:
         wiring = system.wiring(scenario)
-    assert _batch_key(evolve(wiring, links=tuple(list(wiring.links)))) == _batch_key(wiring)
+    assert _batch_key(evolve(wiring, links=(*wiring.links,))) == _batch_key(wiring)
     assert _batch_key(evolve(wiring, links=wiring.links[:-1])) != _batch_key(wiring)

@@ -10,8 +10,9 @@ from cosim.errors import RunError
 from cosim.signals import stem
 from cosim.sweeps.lane import CHANNELS, LaneComponent, LanePlaces
 from cosim.sweeps.lane_arms import unfit_phantom, unfit_serial
-from cosim.sweeps.lane_delays import delays_of
+from cosim.sweeps.lane_delays import delays_of, longest
 from cosim.wiring import Wiring
+from cosim.wiring.starts import buffer_steps
 from cosim.wiring.structure import of_structure
 
 _MOST_OUTPUTS = 12  # of a series
@@ -101,10 +102,14 @@ def _unfit_trace(part: LaneComponent, wiring: Wiring) -> str | None:
     from cosim.sweeps.kernel import FEED
 
     try:
-        delays_of(wiring, part, FEED)
+        reach = longest(delays_of(wiring, part, FEED))
     except RunError as error:
         return error.message
-    return None
+    experiment = wiring.scenario.experiment
+    held = buffer_steps(part.model) * wiring.scenario.components[part.name].step_multiple * experiment.step
+    return (
+        None if min(reach, experiment.stop) <= held else f"a delay of {reach:g} s does not fit its buffer of {held:g} s"
+    )
 
 
 def _unfit_channel(part: LaneComponent) -> str | None:

@@ -48,7 +48,7 @@ def starts_of(
 
 
 @cache
-def _buffer(model: str) -> int:
+def buffer_steps(model: str) -> int:
     """Steps of delay that a channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
     Memory): one record each, beside those of the first input and of the present.
     """
@@ -70,7 +70,7 @@ def _outgrown(
     key = "delay_mean" if law == "constant" else "delay_max"
     delay = description.start(key, values)
     experiment = scenario.experiment
-    step, most = scenario.components[name].step_multiple * experiment.step, _buffer(description.model)
+    step, most = scenario.components[name].step_multiple * experiment.step, buffer_steps(description.model)
     if law == "recorded" or min(delay, experiment.stop) <= most * step * (1 + 1e-9):
         return []
     fits = f"at most {most * step:g} s, {most} steps of {step:g} s that the channel's buffer holds"

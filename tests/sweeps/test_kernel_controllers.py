@@ -8,6 +8,7 @@ from attrs import evolve
 from cosim.fmu import open_system
 from cosim.scenario import load_scenario
 from cosim.sweeps.evaluate import _batch_key
+from cosim.sweeps.lane_refusal import lane_refusal
 from tests.support.paths import ROOT
 from tests.sweeps.test_kernel_arms import same
 
@@ -117,3 +118,10 @@ def test_points_with_other_connections_are_no_lanes_of_one_call():
         wiring = system.wiring(scenario)
     assert _batch_key(evolve(wiring, links=(*wiring.links,))) == _batch_key(wiring)
     assert _batch_key(evolve(wiring, links=wiring.links[:-1])) != _batch_key(wiring)
+
+
+def test_a_recorded_delay_that_a_channel_cannot_hold_is_left_to_the_channel():
+    values = {"experiment.stop": 9.0, "channel_*.law": "recorded", "channel_*.delay": 9.0}
+    scenario = load_scenario("sallam-stable").with_values(values)
+    with open_system(scenario) as system:
+        assert "does not fit its buffer" in (lane_refusal(system.wiring(scenario), ["arm_l.q"]) or "")

@@ -2,11 +2,7 @@
 #ifndef ENVIRONMENT_LAW_H
 #define ENVIRONMENT_LAW_H
 
-#include "../shared/real.h"
-
-static inline real environment_dot(const real a[3], const real b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+#include "../shared/vector.h"
 
 /* Length of the normal and n = normal / length, which do not change while an importer changes no parameter. */
 typedef struct {
@@ -14,7 +10,7 @@ typedef struct {
 } EnvironmentNormal;
 
 static inline EnvironmentNormal environment_normal(const EnvironmentModel *m) {
-    EnvironmentNormal normal = {real_sqrt(environment_dot(m->normal, m->normal)), {real_of(0.0)}};
+    EnvironmentNormal normal = {real_sqrt(dot(m->normal, m->normal)), {real_of(0.0)}};
     for (int i = 0; i < 3; i++) normal.n[i] = m->normal[i] / normal.length;
     return normal;
 }
@@ -23,8 +19,8 @@ static inline EnvironmentNormal environment_normal(const EnvironmentModel *m) {
 static inline real environment_outputs(const EnvironmentModel *m, const EnvironmentNormal *normal, real f[3]) {
     const real none = real_of(0.0), length = normal->length;
     const mask wall = (m->surface == real_of(SURFACE_WALL)) & (length > 1e-6);
-    const real depth = choose(wall, m->offset - environment_dot(m->normal, m->x) / length, none);
-    const real push = m->stiffness * depth - m->damping * environment_dot(m->normal, m->dx) / length;
+    const real depth = choose(wall, m->offset - dot(m->normal, m->x) / length, none);
+    const real push = m->stiffness * depth - m->damping * dot(m->normal, m->dx) / length;
     const real felt = choose((depth > 0.0) & (push > 0.0), push, none);
     for (int i = 0; i < 3; i++) f[i] = choose(wall, felt * normal->n[i], none);
     return depth;

@@ -2,7 +2,7 @@
 #include "law.h"
 
 static const char *start(Model *m) {
-    if ((int)m->surface == SURFACE_WALL && !(environment_dot(m->normal, m->normal) > 1e-12)) {
+    if ((int)m->surface == SURFACE_WALL && !(dot(m->normal, m->normal) > 1e-12)) {
         return refuse(m, "normal", 1, m->normal[0], "a normal that is not zero");
     }
     return NULL;

@@ -13,6 +13,7 @@
 
 #include "../shared/domain.h"
 #include "../shared/joint.h"
+#include "../shared/vector.h"
 #include "arm.h"
 
 /* Values of `compensated` and of `friction`: what any lane has. BALANCED: the compensation is the very weight in every lane. */
@@ -64,10 +65,7 @@ static inline void arm_set_body(PhantomArmModel *m) {
 
 /* The unit normal of the undeclared wall; zero where it has no direction. */
 static inline void arm_set_wall(PhantomArmModel *m) {
-    real square = real_of(0.0);
-    for (int i = 0; i < 3; i++) square = square + m->contact_normal[i] * m->contact_normal[i];
-    for (int i = 0; i < 3; i++)
-        m->wall[i] = choose(square > 0.0, m->contact_normal[i] / real_sqrt(square), real_of(0.0));
+    direction_of(m->contact_normal, m->wall);
     m->walled = any(m->contact_stiffness > 0.0);
 }
 

@@ -96,9 +96,7 @@ static inline void serial_set_gravity(SerialArmModel *m) {
 
 /* The unit normal of the undeclared wall; zero where it has no direction. */
 static inline void serial_set_wall(SerialArmModel *m) {
-    const real length = dot(m->contact_normal, m->contact_normal);
-    for (int k = 0; k < 3; k++)
-        m->wall[k] = choose(length > 0.0, m->contact_normal[k] / real_sqrt(length), real_of(0.0));
+    direction_of(m->contact_normal, m->wall);
     m->walled = any(m->contact_stiffness > 0.0);
 }
 

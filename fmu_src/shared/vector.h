@@ -14,4 +14,10 @@ static inline real dot(const real a[3], const real b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+/* The unit vector along a; zero where a has no direction. */
+static inline void direction_of(const real a[3], real unit[3]) {
+    const real square = dot(a, a);
+    for (int i = 0; i < 3; i++) unit[i] = choose(square > 0.0, a[i] / real_sqrt(square), real_of(0.0));
+}
+
 #endif

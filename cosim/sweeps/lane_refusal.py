@@ -12,7 +12,7 @@ from cosim.sweeps.lane import CHANNELS, LaneComponent, LanePlaces
 from cosim.sweeps.lane_arms import unfit_phantom, unfit_serial
 from cosim.sweeps.lane_delays import delays_of, longest
 from cosim.wiring import Wiring
-from cosim.wiring.starts import buffer_steps
+from cosim.wiring.starts import holds
 from cosim.wiring.structure import of_structure
 
 _MOST_OUTPUTS = 12  # of a series
@@ -105,11 +105,9 @@ def _unfit_trace(part: LaneComponent, wiring: Wiring) -> str | None:
         reach = longest(delays_of(wiring, part, FEED))
     except RunError as error:
         return error.message
-    experiment = wiring.scenario.experiment
-    held = buffer_steps(part.model) * wiring.scenario.components[part.name].step_multiple * experiment.step
-    return (
-        None if min(reach, experiment.stop) <= held else f"a delay of {reach:g} s does not fit its buffer of {held:g} s"
-    )
+    if holds(wiring.scenario, part.name, part.model, reach):
+        return None
+    return f"a delay of {reach:g} s does not fit its buffer"
 
 
 def _unfit_channel(part: LaneComponent) -> str | None:

@@ -48,7 +48,7 @@ def starts_of(
 
 
 @cache
-def buffer_steps(model: str) -> int:
+def _buffer(model: str) -> int:
     """Steps of delay that a channel's buffer holds, whatever its semantics (see the README of VariableDelayChannel,
     Memory): one record each, beside those of the first input and of the present.
     """
@@ -62,6 +62,15 @@ def buffer_steps(model: str) -> int:
     return unchanged("buffers", model, shape) - 2
 
 
+def _channel_step(scenario: Scenario, name: str) -> float:
+    return scenario.components[name].step_multiple * scenario.experiment.step
+
+
+def holds(scenario: Scenario, name: str, model: str, delay: float) -> bool:
+    """Whether a channel's buffer holds a delay [s] for the time of the run."""
+    return min(delay, scenario.experiment.stop) <= _buffer(model) * _channel_step(scenario, name) * (1 + 1e-9)
+
+
 def _outgrown(
     scenario: Scenario, name: str, description: FmuDescription, values: Mapping[str, float | str]
 ) -> list[Problem]:
@@ -69,10 +78,9 @@ def _outgrown(
     law = description.variables["law"].item(description.start("law", values))
     key = "delay_mean" if law == "constant" else "delay_max"
     delay = description.start(key, values)
-    experiment = scenario.experiment
-    step, most = scenario.components[name].step_multiple * experiment.step, buffer_steps(description.model)
-    if law == "recorded" or min(delay, experiment.stop) <= most * step * (1 + 1e-9):
+    if law == "recorded" or holds(scenario, name, description.model, delay):
         return []
+    step, most = _channel_step(scenario, name), _buffer(description.model)
     fits = f"at most {most * step:g} s, {most} steps of {step:g} s that the channel's buffer holds"
     advice = f"take steps of {delay / most:.2g} s or more ({name}.step_multiple, experiment.step), or a shorter delay"
     return [Problem(f"{scenario.name}: {name}.{key}", fits, f"{delay:g} s", advice)]

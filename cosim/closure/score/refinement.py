@@ -55,8 +55,7 @@ def _simplex(screened: Screened, free: tuple[int, ...]) -> ChosenEffect:
     def loss(x: np.ndarray) -> float:
         theta = near(np.clip(x, -REACH, REACH).tolist())
         trial = evolve(choice, theta=theta)
-        columns = screen.model.formed_now(trial, screen.model.scene)
-        found = screen.added({j: x[screen.fitted] for j, x in columns.items()}, effect)
+        found = screen.added(screen.columns_now(trial), effect)
         if found is None or screen.why_not(trial, found.beta[:, 0]):
             return 0.0
         seen[theta] = float(found.nats(np.array([0]))[0])

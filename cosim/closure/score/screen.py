@@ -129,7 +129,8 @@ class Screen(Replicates):
         best, null = None, np.zeros(self.replicates)
         top, where = np.full(self.replicates, -np.inf), np.zeros(self.replicates, int)
         every: list[tuple[Theta, Added]] = []
-        for theta, columns in (*self._grid(effect, joints, thetas), *self._beyond(effect, joints, sought)):
+        beyond = [] if sought is None else [(sought, self.columns_now(ChosenEffect(effect, joints, sought)))]
+        for theta, columns in (*self._grid(effect, joints, thetas), *beyond):
             found = self.added(columns, effect)
             if found is None:
                 continue
@@ -151,12 +152,10 @@ class Screen(Replicates):
             choice, np.r_[gain, np.maximum(null, 0)], best[1].share, self, self.of_noise(choice, float(gain[0]))
         )
 
-    def _beyond(self, effect: Effect, joints: Joints, theta: Theta | None) -> list[tuple[Theta, Columns]]:
-        """Filtered columns of a value that is on no grid, on the fitted rows; none where there is no such value."""
-        if theta is None:
-            return []
-        columns = self.model.formed_now(ChosenEffect(effect, joints, theta), self.model.scene)
-        return [(theta, {j: x[self.fitted] for j, x in columns.items()})]
+    def columns_now(self, choice: ChosenEffect) -> Columns:
+        """Filtered columns of a choice on the fitted rows, formed from the model as it stands and kept nowhere."""
+        formed = self.model.formed_now(choice, self.model.scene)
+        return {j: x[self.fitted] for j, x in formed.items()}
 
     def without(self, choice: ChosenEffect) -> "Screen":
         """The screen whose replicates are made of what a law leaves, in the place of what the model leaves: where an
@@ -173,8 +172,7 @@ class Screen(Replicates):
         if isinstance(effect, Erasing):
             left[joints[0]] = self.drive.delivered(effect, joints[0], theta, 1)[0][:, 0]
             return left
-        ((_, columns),) = self._beyond(effect, joints, theta)
-        found = self.added(columns, effect)
+        found = self.added(self.columns_now(choice), effect)
         assert found is not None, "it was screened"
         for j in range(len(left)):
             left[j] -= found.own(np.array([0]), j)[:, 0]
@@ -231,11 +229,8 @@ class Screen(Replicates):
     def family(self, kind: Family, joint: int) -> Screened | None:
         """A nameless function on a joint."""
         choice, model = ChosenEffect(kind, (joint,)), self.model
-
-        def formed() -> Columns:
-            return {joint: model.formed_now(choice, model.scene)[joint][self.fitted]}
-
-        columns = self._formed_once(choice.key, kind.dynamic, (model.laws, model.late(joint)), formed)
+        origin = model.laws, model.late(joint)
+        columns = self._formed_once(choice.key, kind.dynamic, origin, lambda: self.columns_now(choice))
         found = self.added(columns, kind)
         if found is None:
             return None

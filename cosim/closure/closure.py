@@ -16,6 +16,7 @@ from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
 from cosim.closure.model.setting import formulate
 from cosim.closure.refusal import Refusal, circular, hidden, motion_refusals
 from cosim.closure.score.checks import incomplete, unseparated
+from cosim.closure.score.compare import reported
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
 from cosim.closure.score.search import MOST, EffectSearch, resettled, search
@@ -98,13 +99,24 @@ def _closed(recording: Recording, options: Options) -> Closure:
         before = resettled(with_choices(before, options.previous))
     progress("searching for missing effects")
     found = search(before, options.effects, options.most, progress)
-    verdict = judge(found, options.effects, progress)
+    verdict = _judged(found, options)
+    if found.firm is not None and verdict.withdrawn:
+        found = found.firm
+        verdict = _judged(found, options)
     before.formed.forget()
     unseen = hidden(motion, rows)
     if unseen and verdict.answer is Answer.COMPLETE:
         return _refused(recording, unseen, before)
     told = (f"joint {r.joint} is not judged: {r.reason}" for r in unseen)
     return _completed(recording, found, evolve(verdict, warnings=(*verdict.warnings, *told)), options)
+
+
+def _judged(found: EffectSearch, options: Options) -> ClosureVerdict:
+    """The verdict of the fitted rows without what the report contradicts. Here the rows of the report are looked at,
+    for the first time and once: they can only take away.
+    """
+    verdict = judge(found, options.effects, options.progress)
+    return _no_worse(verdict, evolve(found.before, tangents=False), options.effects)
 
 
 def _unloaded(recording: Recording) -> Recording:
@@ -123,9 +135,8 @@ def _refused(recording: Recording, refusals: Sequence[Refusal], before: Model | 
 
 
 def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdict, options: Options) -> Closure:
-    """The closure of a verdict. Here the rows of the report are looked at, for the first time and once."""
+    """The closure of a verdict, with its errors on the rows of the report."""
     before = evolve(found.before, tangents=False)
-    verdict = _no_worse(verdict, before, options.effects)
     table = _carried(recording, verdict, options) if options.replayed else None
     if table is not None and table.taken:
         from cosim.closure.table import with_table
@@ -149,21 +160,28 @@ def _completed(recording: Recording, found: EffectSearch, verdict: ClosureVerdic
 
 
 def _no_worse(verdict: ClosureVerdict, before: Model, effects: Sequence[Effect]) -> ClosureVerdict:
-    """The verdict without what the rows of the report contradict: a smooth correction that makes them worse, names that
-    make them no better, names on a model that explains less than half of the torque. What the fitted rows show in the
-    place of such names is told without a name.
+    """The verdict without what the rows of the report contradict: a smooth correction that makes them worse; names with
+    which their error does not fall and their blocks, each with a noise level of its own, are told no better, or leave
+    more than fitted rows let expect; names on a model that explains less than half of the torque. What the fitted rows
+    show in the place of such names is told without a name.
     """
     model, best = verdict.models()
     if _worse(torque_error(model, best), {x.joint for x in verdict.leftovers}):
         verdict = evolve(verdict, best=model)
     new = tuple(f for f in verdict.findings if not f.earlier)
     joints = {j for f in new for j in f.acting}
-    text = "rows of the report are no better with it" if joints and _worse(torque_error(before, model), joints) else ""
+    text, risen = "", _worse(torque_error(before, model), joints)
+    if risen and (reported(model, before, tuple(sorted(joints))) <= 0 or joints & set(incomplete(model))):
+        text = "rows of the report are no better with it"
     error = torque_error(before, verdict.models()[1])
     least = min((e for e in (*error.before, *error.after) if np.isfinite(e)), default=0.0)
     poor = least > 100 * HALF
     if poor:
         text = f"the model explains less than half of the torque (RMS error {least:.0f} %): no effect can be named"
+    if risen and not text:
+        why = "the error of the reported rows does not fall with it"
+        doubted = (f if f.earlier else evolve(f, doubts=(*f.doubts, why)) for f in verdict.findings)
+        return evolve(verdict, findings=tuple(doubted))
     if not text:
         return verdict
     answer = Answer.UNEXPLAINED if poor or new or verdict.leftovers or incomplete(before) else Answer.COMPLETE

@@ -100,7 +100,8 @@ class NamedEffect:
     @property
     def separated_by(self) -> str:
         """The experiments that would tell it from its aliases."""
-        known = {alias.name: alias.separated_by for alias in (*self.effect.aliases, *self.inherent)}
+        close = [alias for r in self.rivals if r.worse < SAME for alias in r.choice.effect.aliases]
+        known = {alias.name: alias.separated_by for alias in (*close, *self.effect.aliases, *self.inherent)}
         known |= dict(self.separated)
         if self.doubts:
             known["unknown"] = self.doubts[0]
@@ -190,18 +191,21 @@ def _finding(
     rest = with_choices(model, tuple(c for c in model.choices if c is not choice))
     values, interval = intervals(model, number)
     known = rivals(model, number, effects)
-    why = (doubts.get(choice.key, ""), doubt_of(model, choice, acting), model.unphysical(number))
-    tried = (*(search.steps[0].found if search.steps else ()), *(u for u in search.untestable if u.within))
+    sure_by = preferred(model, rest)
+    few = f"blocks that it has not seen prefer it by {sure_by:.1f} standard errors only" if sure_by <= SAME else ""
+    why = (doubts.get(choice.key, ""), doubt_of(model, choice, acting), model.unphysical(number), few)
+    tried = (*(search.steps[0].found if search.steps else ()), *(u for u in search.untestable if u.ruled_out))
     tested = {x.choice.effect.name for x in tried if set(x.choice.joints) & set(acting)}
+    alike = (choice.effect, *(r.choice.effect for r in known if r.worse < SAME))
     return NamedEffect(
         choice,
         gained(model, rest),
-        preferred(model, rest),
+        sure_by,
         values,
         interval,
         rivals=known,
         inherent=choice.effect.inherent(model.estimate(number)),
-        untestable=tuple(a.name for a in choice.effect.aliases if a.name not in tested),
+        untestable=tuple(dict.fromkeys(a.name for e in alike for a in e.aliases if a.name not in tested)),
         doubts=tuple(filter(None, why)),
         separated=tuple((r.choice.effect.name, where_apart(model, rest, r)) for r in known if r.worse < SAME),
         acting=acting,

@@ -9,6 +9,7 @@ from abc import abstractmethod
 
 import numpy as np
 
+from cosim.effects.constants import SIZE
 from cosim.effects.effect import Alias, Effect, EffectEstimate, per_joint
 from cosim.effects.motion import Columns, Joints, Motion, Theta
 from cosim.effects.scene import Scene
@@ -194,8 +195,10 @@ class TorqueDeadband(Erasing):
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
-        levels = np.geomspace(0.02, 0.6, 9) * np.percentile(u, 90)
-        return tuple((float(x), whole) for whole in (0.0, 1.0) for x in levels)
+        most = float(np.percentile(u, 90))
+        less = [(float(x), 0.0) for x in np.geomspace(SIZE, 0.6, 14) * most]
+        whole = [(float(x), 1.0) for x in np.geomspace(0.02, 0.6, 16) * most]  # commands between two levels all differ
+        return (*less, *whole)
 
     def delivered(self, u: np.ndarray, theta: Theta) -> tuple[np.ndarray, np.ndarray]:
         limit, whole = theta

@@ -175,6 +175,7 @@ class Hysteresis(Effect):
     aliases: tuple[Alias, ...] = (
         Alias("stribeck", "slow sweeps that reverse at many places: presliding counts distance, Stribeck counts speed"),
         Alias("backlash", "an encoder on the link"),
+        Alias("joint_elasticity", "an encoder on the link"),
     )
     FIRST, RATIOS = (2.0, 0.2), (1.2, 8.0)  # ratio and tilt at which the search begins, least and largest ratio
 

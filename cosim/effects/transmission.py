@@ -72,7 +72,8 @@ class JointElasticity(Effect):
         return "" if scene.rigid_slopes is not None else "the device has no equations of motion to bend"
 
     def unseen(self, scene: Scene) -> tuple[str, ...]:
-        return self.signals if scene.device.recorded_columns else ()
+        """Driven below its resonance a spring adds torque in the phase of the acceleration."""
+        return (*self.signals, "ddq") if scene.device.recorded_columns else ()
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         """Resonances as far apart as their peak is wide: beside it the motion of the link is out of phase."""
@@ -172,7 +173,7 @@ class Backlash(JointElasticity):
         return "the transmitted torque hardly changes sign" if pressed(scene, joints[0]) else ""
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
-        gaps = scene.angle_range(joints[0]) * np.geomspace(0.002, 0.05, 6)
+        gaps = scene.angle_range(joints[0]) * np.geomspace(0.0002, 0.05, 9)
         return tuple((w, z, USUAL_SHARE, float(g)) for w in STIFF for z in (0.15, 0.6) for g in gaps)
 
     def continuous(self, theta: Theta) -> tuple[int, ...]:

@@ -18,7 +18,7 @@ from cosim.closure.model.smoothing import convolve, curve_kernel, kernel, slope_
 from cosim.closure.score.naming import _Group
 from cosim.closure.verdict import Answer
 from cosim.effects import BUILT_IN, library, load_effects
-from cosim.effects.constants import FREEDOM
+from cosim.effects.constants import FREEDOM, SAME
 from cosim.effects.position import dahl
 from cosim.errors import InputError
 from cosim.measured import Label, PhantomDevice, Recording, RecordingDescription, Run, parse_description
@@ -431,9 +431,18 @@ def test_what_is_left_of_the_names_is_fitted_again_where_one_is_withdrawn(monkey
 def test_names_that_held_out_rows_do_not_need_leave_no_complete_model(monkeypatch):
     """A residual far beyond the sensors' noise is not complete, whatever became of the names."""
     monkeypatch.setattr("cosim.closure.closure._worse", lambda error, joints: True)
+    monkeypatch.setattr("cosim.closure.closure.reported", lambda new, old, joints: -1.0)
     found = close_loop(rippled(), Options(effects=SOME, replayed=False))
     assert {c.effect.name for c, _ in found.verdict.withdrawn} == {"quadratic_drag", "torque_ripple"}
     assert found.verdict.answer is Answer.UNEXPLAINED and "was withdrawn" in sentence(found)
+
+
+def test_names_that_the_reported_blocks_need_stand_with_doubt_where_their_error_does_not_fall(monkeypatch):
+    """As where a dropout holds most of the error."""
+    monkeypatch.setattr("cosim.closure.closure._worse", lambda error, joints: True)
+    found = close_loop(rippled(), Options(effects=SOME, replayed=False)).verdict.findings
+    assert {f.name for f in found} == {"quadratic_drag", "torque_ripple"}
+    assert all("the error of the reported rows does not fall with it" in f.doubts for f in found)
 
 
 RIGS = {
@@ -500,6 +509,24 @@ def drawn(extra, fitted=10.0, noise=0.005, coulomb=(0.05, 0.05), slowest=None):
     run = Run("run", time, noisy[:, None], tau[:, None], time >= fitted)
     table = {"device": "axis", "gravity": True, "columns": {"time": "t", "q": ["q"], "tau": ["tau"]}}
     return close_loop(Recording(parse_description(table, "test"), (run,)), Options(replayed=False)).verdict
+
+
+def test_a_wall_is_no_spring_that_smooths_the_noise_of_the_encoder():
+    """Beside what a wall leaves, the encoder's noise is a small part of the residual, and a spring that smooths it
+    explains most of the rest; beside the wall it does not count.
+    """
+    (found,) = drawn(lambda q: 3 * np.maximum(q - 1.05, 0.0), fitted=20.0).findings
+    assert found.name == "external_contact"
+    assert found.parameters[Label("stop_angle", 1)] == pytest.approx(1.05, abs=2e-3)
+    assert found.parameters[Label("stop_stiffness", 1)] == pytest.approx(3.0, rel=0.05)
+
+
+def test_an_effect_of_few_blocks_is_named_and_never_sure():
+    """A wall that is touched five times in twenty seconds."""
+    (found,) = drawn(lambda q: np.maximum(q - 1.07, 0.0), fitted=20.0).findings
+    assert (found.name, found.aliases[-1]) == ("external_contact", "unknown")
+    assert found.sure_by < SAME and any("standard errors only" in doubt for doubt in found.doubts)
+    assert found.parameters[Label("stop_angle", 1)] == pytest.approx(1.07, abs=5e-3)
 
 
 def test_what_only_held_out_rows_show_is_no_complete_model():

@@ -12,20 +12,35 @@ def gained(new: Model, old: Model, joints: tuple[int, ...] | None = None) -> flo
 
 
 def preferred(new: Model, old: Model, joints: tuple[int, ...] | None = None) -> float:
-    """Standard errors by which blocks prefer the new model: paired differences at one common noise level (the smaller).
+    """Standard errors by which fitted blocks, each left out, prefer the new model."""
+    return standard_errors(_differences(new, old, joints)[: new.setting.rows.train_blocks])
+
+
+def confirmed(new: Model, old: Model) -> bool:
+    """Whether fitted blocks, each left out, are told better by the new model also without the one that gains most."""
+    difference = _differences(new, old)[: new.setting.rows.train_blocks]
+    return bool(len(difference) and difference.sum() > difference.max())
+
+
+def reported(new: Model, old: Model, joints: tuple[int, ...]) -> float:
+    """How many nats more of the recorded torque of the report's blocks the new model tells."""
+    return float(_differences(new, old, joints)[new.setting.rows.train_blocks :].sum())
+
+
+def _differences(new: Model, old: Model, joints: tuple[int, ...] | None = None) -> np.ndarray:
+    """Nats (B,) that the new model tells more of each block, at one common noise level (the smaller).
 
     With a level each, what one block gains would be spread over all blocks, and any spike be significant.
     """
     j = list(new.active if joints is None else joints)
-    t = new.setting.rows.train_blocks
     variance = FREEDOM * np.minimum(new.variance, old.variance)[j]
-    rows = new.gram.rows[:t, j]
+    rows = new.gram.rows[:, j]
 
     def loss(m: Model) -> np.ndarray:
-        squares = m.fit.sse[:t, j] / m.weight[j] ** 2
-        return (rows + FREEDOM) / 2 * np.log1p(squares / variance) - m.log_density(m.variance)[:t, j]
+        squares = m.fit.sse[:, j] / m.weight[j] ** 2
+        return (rows + FREEDOM) / 2 * np.log1p(squares / variance) - m.log_density(m.variance)[:, j]
 
-    return standard_errors((loss(old) - loss(new)).sum(axis=1))
+    return (loss(old) - loss(new)).sum(axis=1)
 
 
 def standard_errors(difference: np.ndarray) -> float:

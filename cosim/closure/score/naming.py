@@ -178,7 +178,7 @@ def _group(model: Model, mine: tuple[ChosenEffect, ...], joints: Joints, on_top:
     whole = with_choices(model, (*model.choices, *beside)) if beside else model
     both = max(gained(whole, rest, joints), earned)
     own = tuple(set(c.effect.signals) for c in mine)
-    screened = screened_families(rest, joints)
+    screened = [x for x in screened_families(rest, joints) if not x.noise]
     best = best_families(rest, joints, need=False, besides=own, screened=screened)
     alone, titles = _instead(rest, best)
     instead = gained(alone, rest, joints)
@@ -295,7 +295,7 @@ def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival,
     choice = model.choices[number]
     rest = _less(model, choice)
     found = ranked_laws(rest, effects, model.acting(number))
-    others = [x for x in found if x.choice.effect.name != choice.effect.name]
+    others = [x for x in found if x.choice.effect.name != choice.effect.name and not x.noise]
     out = []
     for x in others[:TRIED]:
         if x.gain[0] > CLOSE * others[0].gain[0]:

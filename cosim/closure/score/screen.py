@@ -63,11 +63,13 @@ class Tried:
 
 @frozen(eq=False)
 class Untestable:
-    """A law that this data cannot show, and why; `within`: because the model holds it already."""
+    """A law that this data cannot show, and why; `ruled_out`: because the model holds it already, or its coefficients
+    are not physical.
+    """
 
     choice: ChosenEffect
     reason: str
-    within: bool = False
+    ruled_out: bool = False
 
 
 @define(eq=False)
@@ -100,8 +102,7 @@ class Screen(Replicates):
             best = self._erasing(effect, joints, thetas, found)
         else:
             best = self._law(effect, joints, thetas, found)
-        reason = "its columns lie within the model already, or no value of them is physical"
-        return best or Untestable(nothing, reason, True)
+        return best or Untestable(nothing, "its columns lie within the model already", True)
 
     def added(self, columns: Columns, prior: Effect) -> "Added | None":
         """Columns (m, k) of some joints beside the model; None where they lie within it."""
@@ -124,7 +125,9 @@ class Screen(Replicates):
         beta = (vectors[:, keep] / np.sqrt(values[keep])) @ half / size[:, None]
         return Added(self, scaled, within, (half**2).sum(axis=0), beta)
 
-    def _law(self, effect: Effect, joints: Joints, thetas: Sequence[Theta], sought: Theta | None) -> Screened | None:
+    def _law(
+        self, effect: Effect, joints: Joints, thetas: Sequence[Theta], sought: Theta | None
+    ) -> Screened | Untestable | None:
         """Of every replicate the value of most gain, of the data that of the physical ones."""
         best, null = None, np.zeros(self.replicates)
         top, where = np.full(self.replicates, -np.inf), np.zeros(self.replicates, int)
@@ -142,7 +145,8 @@ class Screen(Replicates):
             ):
                 best = theta, found
         if best is None:
-            return None
+            nothing, reason = ChosenEffect(effect, joints), "no value of its parameters that was tried is physical"
+            return Untestable(nothing, reason, True) if every else None
         for number in np.unique(where):
             chosen = np.flatnonzero(where == number)
             null[chosen] = every[number][1].nats(chosen + 1)

@@ -8,7 +8,7 @@ from attrs import evolve, frozen
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import Model, settled, with_choices
-from cosim.closure.score.compare import gained, preferred
+from cosim.closure.score.compare import confirmed, gained, preferred
 from cosim.closure.score.null import ranked_laws, screened_laws
 from cosim.closure.score.refinement import REACH, refined
 from cosim.closure.score.screen import Screened, Tried, Untestable
@@ -31,12 +31,15 @@ class SearchStep:
 
 @frozen(eq=False)
 class EffectSearch:
-    """The models before and after, the rounds, and what could not be tested."""
+    """The models before and after, the rounds, and what could not be tested; `firm`: the search before the first law
+    that lives in few blocks, None where there is none.
+    """
 
     before: Model
     model: Model
     steps: tuple[SearchStep, ...] = ()
     untestable: tuple[Untestable, ...] = ()
+    firm: "EffectSearch | None" = None
 
     @property
     def trials(self) -> int:
@@ -49,30 +52,38 @@ def search(
 ) -> EffectSearch:
     """Laws added one at a time. Everything is fitted again beside each: rigid body, friction and its form, skew."""
     model, steps, untestable = before, [], ()
+    firm: EffectSearch | None = None
     for number in range(most):
         found, unknown = screened_laws(model, effects)
         untestable = untestable or tuple(unknown)
         best = _best(model, [x for x in found if x.clear])
-        steps.append(SearchStep(tuple(x.kept for x in found), best))
+        tried = tuple(x.kept for x in found)
+        if firm is None and best is not None and preferred(best, model) <= SAME:
+            firm = EffectSearch(before, simplified(model), (*steps, SearchStep(tried, None)), untestable)
+        steps.append(SearchStep(tried, best))
         if best is None:
             break
         model = resettled(best)
         tell(f"found {model.choices[-1].effect.name} ({number + 1})")
         model = exchanged(model, before, effects)
-    return EffectSearch(before, simplified(model), tuple(steps), untestable)
+    return EffectSearch(before, simplified(model), tuple(steps), untestable, firm)
 
 
 def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
     """The model in which laws that were taken while others were still missing have found their place again: with other
     values of their nonlinear parameters, or given way to those that unseen blocks prefer (stepwise search with
-    replacement: Miller 2002, Subset Selection in Regression).
+    replacement: Miller 2002, Subset Selection in Regression), or gone where beside the others they only smooth noise.
     """
     given = {c.key for c in before.choices}
     for choice in model.choices[:-1]:  # the last one has been compared with all others
         if choice.key in given or choice not in model.choices:
             continue
         rest = with_choices(model, tuple(c for c in model.choices if c is not choice))
-        new = _best(rest, ranked_laws(rest, effects, model.acting(model.choices.index(choice))))
+        found = ranked_laws(rest, effects, model.acting(model.choices.index(choice)))
+        if any(x.noise and x.choice.key == choice.key for x in found):
+            model = resettled(rest)
+            continue
+        new = _best(rest, [x for x in found if not x.noise])
         new = new and resettled(new)
         if new is None or gained(new, model) <= LEAST_GAIN:
             continue
@@ -94,10 +105,11 @@ def simplified(model: Model) -> Model:
 
 
 def _best(model: Model, found: Sequence[Screened]) -> Model | None:
-    """The model with the law of most nats of those that are preferred by blocks left out. A nonlinear
-    parameter, which all blocks have seen, costs one (Akaike 1974).
+    """The model with the law of most nats of those that blocks left out prefer by SAME; where there is none, of those
+    that they prefer also without the one that gains most: an effect may live in few blocks. A nonlinear parameter,
+    which all blocks have seen, costs one (Akaike 1974).
     """
-    best, most = None, -np.inf  # of long recordings a model is large: no list of them
+    best, most = None, (False, -np.inf)  # of long recordings a model is large: no list of them
     for x in found[:SHORT]:
         if x.gain[0] <= WORTH * found[0].gain[0]:
             continue
@@ -105,10 +117,11 @@ def _best(model: Model, found: Sequence[Screened]) -> Model | None:
         if new.unphysical(len(model.choices)) and gained(new, model) > 0:
             new = resettled(new)  # what is fitted beside it may have to move first
         nats = new.score() - len(new.choices[-1].effect.continuous(new.choices[-1].theta))
-        if nats <= most or gained(new, model) <= 0 or new.unphysical(len(model.choices)):
+        if gained(new, model) <= 0 or new.unphysical(len(model.choices)):
             continue
-        if preferred(new, model) > SAME:
-            best, most = new, nats
+        rank = preferred(new, model) > SAME, nats
+        if rank > most and (rank[0] or confirmed(new, model)):
+            best, most = new, rank
     return best
 
 

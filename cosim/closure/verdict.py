@@ -192,8 +192,13 @@ def _finding(
     values, interval = intervals(model, number)
     known = rivals(model, number, effects)
     sure_by = preferred(model, rest)
-    few = f"blocks that it has not seen prefer it by {sure_by:.1f} standard errors only" if sure_by <= SAME else ""
-    why = (doubts.get(choice.key, ""), doubt_of(model, choice, acting), model.unphysical(number), few)
+    why = (
+        doubts.get(choice.key, ""),
+        doubt_of(model, choice, acting),
+        model.unphysical(number),
+        f"blocks that it has not seen prefer it by {sure_by:.1f} standard errors only" if sure_by <= SAME else "",
+        "" if choice.key in search.firm_keys else "it was found beside a law that few blocks show",
+    )
     tried = (*(search.steps[0].found if search.steps else ()), *(u for u in search.untestable if u.ruled_out))
     tested = {x.choice.effect.name for x in tried if set(x.choice.joints) & set(acting)}
     alike = (choice.effect, *(r.choice.effect for r in known if r.worse < SAME))

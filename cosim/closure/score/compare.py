@@ -16,10 +16,10 @@ def preferred(new: Model, old: Model, joints: tuple[int, ...] | None = None) -> 
     return standard_errors(_differences(new, old, joints)[: new.setting.rows.train_blocks])
 
 
-def confirmed(new: Model, old: Model) -> bool:
-    """Whether fitted blocks, each left out, are told better by the new model also without the one that gains most."""
+def without_best(new: Model, old: Model) -> float:
+    """How many nats more of the fitted blocks, each left out, the new model tells without the one that gains most."""
     difference = _differences(new, old)[: new.setting.rows.train_blocks]
-    return bool(len(difference) and difference.sum() > difference.max())
+    return float(difference.sum() - difference.max(initial=0.0))
 
 
 def reported(new: Model, old: Model, joints: tuple[int, ...]) -> float:

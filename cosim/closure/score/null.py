@@ -107,7 +107,7 @@ def _against_bar(found: list[Screened], last: bool = False) -> list[Screened]:
     largest = z[:, 1:].max(axis=0)
     scale = largest.std() * np.sqrt(6) / np.pi
     bar = largest.mean() - np.euler_gamma * scale - scale * np.log(-np.log1p(-ALPHA / QUESTIONS))
-    least = _chance(len(found))
+    least = by_chance(len(found))
     known = [
         evolve(x, z=float(v), clear=bool(v > bar and x.gain[0] > least) and _counts(x))
         for x, v in zip(found, z[:, 0], strict=True)
@@ -115,7 +115,7 @@ def _against_bar(found: list[Screened], last: bool = False) -> list[Screened]:
     return known if last else [_looked_at_again(x, float(bar), least, usual) for x in known]
 
 
-def _chance(hypotheses: int) -> float:
+def by_chance(hypotheses: int) -> float:
     """Nats that one free parameter explains of noise alone in one of so many hypotheses, at the level of a question
     (Wilks 1938): replicates of which a limit erases nothing have no spread to tell it.
     """

@@ -8,8 +8,8 @@ from attrs import evolve, frozen
 from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.gram import accumulate, fit
 from cosim.closure.model.model import Model, settled, with_choices
-from cosim.closure.score.compare import confirmed, gained, preferred
-from cosim.closure.score.null import ranked_laws, screened_laws
+from cosim.closure.score.compare import gained, preferred, without_best
+from cosim.closure.score.null import by_chance, ranked_laws, screened_laws
 from cosim.closure.score.refinement import REACH, refined
 from cosim.closure.score.screen import Screened, Tried, Untestable
 from cosim.effects import Effect
@@ -42,6 +42,11 @@ class EffectSearch:
     firm: "EffectSearch | None" = None
 
     @property
+    def firm_keys(self) -> frozenset[object]:
+        """Laws that were found before the first one that lives in few blocks."""
+        return frozenset(c.key for c in (self.firm or self).model.choices)
+
+    @property
     def trials(self) -> int:
         """How many hypotheses were screened."""
         return sum(len(step.found) for step in self.steps)
@@ -56,7 +61,7 @@ def search(
     for number in range(most):
         found, unknown = screened_laws(model, effects)
         untestable = untestable or tuple(unknown)
-        best = _best(model, [x for x in found if x.clear])
+        best = _best(model, [x for x in found if x.clear], by_chance(len(found)))
         tried = tuple(x.kept for x in found)
         if firm is None and best is not None and preferred(best, model) <= SAME:
             firm = EffectSearch(before, simplified(model), (*steps, SearchStep(tried, None)), untestable)
@@ -83,7 +88,7 @@ def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
         if any(x.noise and x.choice.key == choice.key for x in found):
             model = resettled(rest)
             continue
-        new = _best(rest, [x for x in found if not x.noise])
+        new = _best(rest, [x for x in found if not x.noise], by_chance(len(found)))
         new = new and resettled(new)
         if new is None or gained(new, model) <= LEAST_GAIN:
             continue
@@ -104,10 +109,10 @@ def simplified(model: Model) -> Model:
     return model
 
 
-def _best(model: Model, found: Sequence[Screened]) -> Model | None:
+def _best(model: Model, found: Sequence[Screened], least: float) -> Model | None:
     """The model with the law of most nats of those that blocks left out prefer by SAME; where there is none, of those
-    that they prefer also without the one that gains most: an effect may live in few blocks. A nonlinear parameter,
-    which all blocks have seen, costs one (Akaike 1974).
+    that tell more than the least nats of them also without the one that gains most: an effect may live in few blocks. A
+    nonlinear parameter, which all blocks have seen, costs one (Akaike 1974).
     """
     best, most = None, (False, -np.inf)  # of long recordings a model is large: no list of them
     for x in found[:SHORT]:
@@ -120,7 +125,7 @@ def _best(model: Model, found: Sequence[Screened]) -> Model | None:
         if gained(new, model) <= 0 or new.unphysical(len(model.choices)):
             continue
         rank = preferred(new, model) > SAME, nats
-        if rank > most and (rank[0] or confirmed(new, model)):
+        if rank > most and (rank[0] or without_best(new, model) > least):
             best, most = new, rank
     return best
 

@@ -195,10 +195,12 @@ class TorqueDeadband(Erasing):
 
     def grid(self, scene: Scene, joints: Joints) -> tuple[Theta, ...]:
         u = np.abs(scene.motion.tau_raw[:, joints[0]])
-        most = float(np.percentile(u, 90))
-        less = [(float(x), 0.0) for x in np.geomspace(SIZE, 0.6, 14) * most]
-        whole = [(float(x), 1.0) for x in np.geomspace(0.02, 0.6, 16) * most]  # commands between two levels all differ
-        return (*less, *whole)
+        most = 0.6 * float(np.percentile(u, 90))
+        least = max(SIZE * most, float(np.percentile(u, 0.5)))  # beyond all commands it would erase nothing
+        less = [(float(x), 0.0) for x in np.geomspace(least, most, 14)] if least < most else []
+        least = max(0.03 * most, least)
+        whole = [(float(x), 1.0) for x in np.geomspace(least, most, 16)] if least < most else []
+        return (*less, *whole)  # of the latter all commands between two differ: they stand closer together
 
     def delivered(self, u: np.ndarray, theta: Theta) -> tuple[np.ndarray, np.ndarray]:
         limit, whole = theta

@@ -1,7 +1,7 @@
 """Effects of the angle of a joint: friction that varies with it, springs and cables, ripple, hysteresis."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -196,9 +196,17 @@ class Hysteresis(Effect):
         return (length, float(np.clip(ratio, *self.RATIOS)), float(np.clip(tilt, -1.0, 1.0)))
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
-        length, ratio, _ = theta
-        state = elements(scene.motion, joints[0], *theta) if ratio else dahl(scene.motion, joints[0], length)
-        return {joints[0]: state[:, None]}
+        return self.columns_of_all(scene, joints, (theta,))[0]
+
+    def columns_of_all(self, scene: Scene, joints: Joints, thetas: Sequence[Theta]) -> Sequence[Columns]:
+        states = np.empty((len(scene.motion.time), len(thetas)))
+        rich = np.array([theta[1] > 0 for theta in thetas])
+        length, ratio, tilt = np.array(thetas).T
+        if not rich.all():
+            states[:, ~rich] = dahl(scene.motion, joints[0], length[~rich])
+        if rich.any():
+            states[:, rich] = elements(scene.motion, joints[0], length[rich], ratio[rich], tilt[rich])
+        return [{joints[0]: states[:, [k]]} for k in range(len(thetas))]
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
         return (per_joint("hysteresis", joints),)
@@ -210,34 +218,36 @@ class Hysteresis(Effect):
         return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
 
 
-def dahl(motion: Motion, joint: int, length: float) -> np.ndarray:
-    """State z (n,) of dz/dt = dq (1 - z sgn(dq)) / length: u = 1 - z sgn(dq) falls to u exp(-d / length) over a
-    distance d.
+def dahl(motion: Motion, joint: int, length: np.ndarray) -> np.ndarray:
+    """States z (n, k) of dz/dt = dq (1 - z sgn(dq)) / length for lengths (k,): u = 1 - z sgn(dq) falls to
+    u exp(-d / length) over a distance d.
     """
     return _strokes(motion, joint, length, lambda u, gone: u * np.exp(-gone))
 
 
-def elements(motion: Motion, joint: int, length: float, ratio: float, tilt: float) -> np.ndarray:
-    """z (n,) of three elasto-plastic elements: u falls to u - d / length_k, until nothing is left."""
-    z = np.zeros(len(motion.time))
-    for weight, each in zip((1 - tilt, 1.0, 1 + tilt), (length / ratio, length, length * ratio), strict=True):
-        z += weight / 3 * _strokes(motion, joint, each, lambda u, gone: np.maximum(u - gone, 0.0))
-    return z
+def elements(motion: Motion, joint: int, length: np.ndarray, ratio: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """z (n, k) of three elasto-plastic elements: u falls to u - d / length_j, until nothing is left."""
+    each = np.stack((length / ratio, length, length * ratio))
+    weight = np.stack((1 - tilt, np.ones_like(tilt), 1 + tilt)) / 3
+    z = _strokes(motion, joint, each.ravel(), lambda u, gone: np.maximum(u - gone, 0.0))
+    return (z.reshape(len(z), *each.shape) * weight).sum(axis=1)
 
 
-def _strokes(motion: Motion, joint: int, length: float, left: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
-    """State z (n,) over each run from z = 0, exact for a constant direction between samples.
+def _strokes(
+    motion: Motion, joint: int, length: np.ndarray, left: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """States z (n, k) over each run from z = 0, for lengths (k,); exact for a constant direction between samples.
 
     left(u, gone): the remainder of u = 1 - z sgn(dq) after distances in one direction, in units of the length. Moves
     below the standstill noise count as well.
     """
-    out = np.empty(len(motion.time))
+    out = np.empty((len(motion.time), len(length)))
     for a, b in motion.bounds:
-        move = np.diff(motion.q[a:b, joint], prepend=motion.q[a, joint]) / length
+        move = np.diff(motion.q[a:b, joint], prepend=motion.q[a, joint])
         edges = np.r_[0, np.flatnonzero(np.diff(np.sign(move)) != 0) + 1, b - a]
-        z = 0.0
+        z = np.zeros(len(length))
         for start, stop in itertools.pairwise(edges):
-            toward, gone = float(np.sign(move[start])), np.cumsum(np.abs(move[start:stop]))
-            out[a + start : a + stop] = toward - toward * left(1 - toward * z, gone) if toward else z
-            z = float(out[a + stop - 1])
+            toward, gone = np.sign(move[start] / length), np.abs(np.cumsum(move[start:stop])[:, None] / length)
+            out[a + start : a + stop] = toward - toward * left(1 - toward * z, gone) if move[start] else z
+            z = out[a + stop - 1]
     return out

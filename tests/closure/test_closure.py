@@ -90,7 +90,7 @@ def test_dahl_state_solves_its_differential_equation():
         q = 0.1 * np.sin(2 * np.pi * time)[:, None]
         bounds = ((0, 20001),)
 
-    z = dahl(BareMotion, 0, 0.03)
+    z = dahl(BareMotion, 0, np.array([0.03]))[:, 0]
     dq = np.gradient(BareMotion.q[:, 0], BareMotion.time)
     left = np.gradient(z, BareMotion.time) - (dq - np.abs(dq) * z) / 0.03
     away = np.abs(dq) > 0.05  # the sign jumps at reversals, differences there see both sides

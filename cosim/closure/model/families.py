@@ -342,10 +342,8 @@ def _since_reversal(scene: Scene, i: int) -> np.ndarray:
 
 def _memories(scene: Scene, joint: int) -> np.ndarray:
     lengths = scene.angle_range(joint) * np.array(LENGTHS)
-    states = [dahl(scene.motion, joint, x) for x in lengths] + [
-        elements(scene.motion, joint, x, 1.0, 0.0) for x in lengths
-    ]
-    return np.stack(states, axis=1)
+    one = np.ones_like(lengths)
+    return np.hstack((dahl(scene.motion, joint, lengths), elements(scene.motion, joint, lengths, one, 0 * one)))
 
 
 def _links(scene: Scene, joint: int) -> np.ndarray:

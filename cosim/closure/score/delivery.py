@@ -84,8 +84,5 @@ class Delivery:
         """What saturation or dead band changes of the scaled torque (m, R) of the replicates, of which only filtered
         rows are known.
         """
-        s, mask = self.of.model.setting, self.of.mask[joint][:, None]
-        recorded = (s.y + s.given)[joint, self.of.fitted, None] * mask
-        made = recorded - self.of.left[joint][:, None] + self.of.flipped[joint]
-        torque = np.divide(made, mask, out=np.zeros_like(made), where=mask > 0)
-        return effect.delivered(torque, theta)[0] * mask - made
+        made, torque = self.of.made(joint)
+        return effect.delivered(torque, theta)[0] * self.of.mask[joint][:, None] - made

@@ -121,7 +121,7 @@ def by_chance(hypotheses: int) -> float:
     """
     from scipy.special import chdtri
 
-    return float(chdtri(1, ALPHA / QUESTIONS / hypotheses)) / 2
+    return float(chdtri(1, ALPHA / QUESTIONS / max(hypotheses, 1))) / 2
 
 
 def _standardised(roots: np.ndarray, usual: tuple[float, float]) -> np.ndarray:

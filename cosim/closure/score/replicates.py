@@ -33,6 +33,7 @@ class Replicates:
     seed: int = 0
     replicates: int = REPLICATES
     beside: np.ndarray | None = field(default=None, repr=False)
+    _made: tuple[int, np.ndarray, np.ndarray] | None = field(default=None, init=False, repr=False)
 
     @cached_property
     def fitted(self) -> np.ndarray:
@@ -126,6 +127,15 @@ class Replicates:
             np.concatenate([y[:, None], p[:, None] + flipped[:, : count - 1]], axis=1)
             for y, p, flipped in zip(self.y, made, self.flipped, strict=True)
         ]
+
+    def made(self, joint: int) -> tuple[np.ndarray, np.ndarray]:
+        """Torque (m, R) of a joint of the replicates, scaled and in N m; kept of the joint that was asked for last."""
+        if self._made is None or self._made[0] != joint:
+            s, mask = self.model.setting, self.mask[joint][:, None]
+            recorded = (s.y + s.given)[joint, self.fitted, None] * mask
+            scaled = recorded - self.left[joint][:, None] + self.flipped[joint]
+            self._made = joint, scaled, np.divide(scaled, mask, out=np.zeros_like(scaled), where=mask > 0)
+        return self._made[1:]
 
     @cached_property
     def unpassed(self) -> list[tuple[np.ndarray, np.ndarray]]:

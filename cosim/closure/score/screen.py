@@ -4,7 +4,7 @@ Gains are in sample, in the log density of `gram.losses` (every block with a noi
 grid of nonlinear parameters on data and replicates alike.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -106,24 +106,35 @@ class Screen(Replicates):
 
     def added(self, columns: Columns, prior: Effect) -> "Added | None":
         """Columns (m, k) of some joints beside the model; None where they lie within it."""
-        scaled = {j: c * self.mask[j][:, None] for j, c in columns.items()}
+        (found,) = self.each_added([columns], prior)
+        return found
+
+    def each_added(self, columns: Sequence[Columns], prior: Effect) -> Iterator["Added | None"]:
+        """`added` of several hypotheses on the same joints, which are multiplied with the residuals together."""
+        scaled = {j: np.concatenate([c[j] for c in columns], axis=1) * self.mask[j][:, None] for j in columns[0]}
         weighted = {j: c.T * self.weight[j] for j, c in scaled.items()}
-        cross = sum((weighted[j] @ self.x[j] for j in scaled), NOTHING)  # (k, p)
-        within = self.normal @ cross.T  # (p, k): the columns as the model fits them
-        own = sum((weighted[j] @ c for j, c in scaled.items()), NOTHING)
-        size = np.sqrt(np.maximum(np.diag(own), 1e-300))
-        free = (own - cross @ within) / size[:, None] / size
-        if not np.isfinite(free).all():
-            return None
-        free += np.diag(np.full(len(size), SMOOTHING) if prior.nameless else prior.precision(len(size)) / size**2)
-        values, vectors = np.linalg.eigh(free)
-        if values[-1] < WITHIN + SMOOTHING * prior.nameless:
-            return None
-        keep = values > NEGLIGIBLE
-        toward = sum((weighted[j] @ self.e[j] for j in scaled), NOTHING) / size[:, None]
-        half = (vectors[:, keep] / np.sqrt(values[keep])).T @ toward
-        beta = (vectors[:, keep] / np.sqrt(values[keep])) @ half / size[:, None]
-        return Added(self, scaled, within, (half**2).sum(axis=0), beta)
+        cross = sum((weighted[j] @ self.x[j] for j in scaled), NOTHING)  # (K, p)
+        within = self.normal @ cross.T  # (p, K): the columns as the model fits them
+        toward = sum((weighted[j] @ self.e[j] for j in scaled), NOTHING)  # (K, 1 + R)
+        stop = 0
+        for one in columns:
+            part = slice(stop, stop := stop + next(iter(one.values())).shape[1])
+            own = sum((weighted[j][part] @ c[:, part] for j, c in scaled.items()), NOTHING)
+            size = np.sqrt(np.maximum(np.diag(own), 1e-300))
+            free = (own - cross[part] @ within[:, part]) / size[:, None] / size
+            if not np.isfinite(free).all():
+                yield None
+                continue
+            free += np.diag(np.full(len(size), SMOOTHING) if prior.nameless else prior.precision(len(size)) / size**2)
+            values, vectors = np.linalg.eigh(free)
+            if values[-1] < WITHIN + SMOOTHING * prior.nameless:
+                yield None
+                continue
+            keep = values > NEGLIGIBLE
+            half = (vectors[:, keep] / np.sqrt(values[keep])).T @ (toward[part] / size[:, None])
+            beta = (vectors[:, keep] / np.sqrt(values[keep])) @ half / size[:, None]
+            mine = {j: c[:, part] for j, c in scaled.items()}
+            yield Added(self, mine, within[:, part], (half**2).sum(axis=0), beta)
 
     def _law(
         self, effect: Effect, joints: Joints, thetas: Sequence[Theta], sought: Theta | None
@@ -133,8 +144,7 @@ class Screen(Replicates):
         top, where = np.full(self.replicates, -np.inf), np.zeros(self.replicates, int)
         every: list[tuple[Theta, Added]] = []
         beyond = [] if sought is None else [(sought, self.columns_now(ChosenEffect(effect, joints, sought)))]
-        for theta, columns in (*self._grid(effect, joints, thetas), *beyond):
-            found = self.added(columns, effect)
+        for theta, found in self._beside(effect, (*self._grid(effect, joints, thetas), *beyond)):
             if found is None:
                 continue
             better = found.gain[1:] > top
@@ -155,6 +165,15 @@ class Screen(Replicates):
         return Screened(
             choice, np.r_[gain, np.maximum(null, 0)], best[1].share, self, self.of_noise(choice, float(gain[0]))
         )
+
+    def _beside(
+        self, effect: Effect, columns: Sequence[tuple[Theta, Columns]]
+    ) -> Iterator[tuple[Theta, "Added | None"]]:
+        """Each value of nonlinear parameters with its columns beside the model, a few at once to limit memory."""
+        some = max(1, CHUNK * ROWS // max(len(self.fitted), 1))
+        for start in range(0, len(columns), some):
+            thetas, parts = zip(*columns[start : start + some], strict=True)
+            yield from zip(thetas, self.each_added(parts, effect), strict=True)
 
     def columns_now(self, choice: ChosenEffect) -> Columns:
         """Filtered columns of a choice on the fitted rows, formed from the model as it stands and kept nowhere."""

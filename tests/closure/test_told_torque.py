@@ -86,3 +86,12 @@ def test_a_dead_band_that_fills_the_residual(motion, tmp_path):
     wanted = told + 0.4 * np.tanh(speed / 0.02) + 0.1 * speed
     found = closed(tmp_path, {"t": t, "q": q, "tau": told + 0.15 * np.sign(wanted), "told": told})
     assert "torque_deadband" in [e["name"] for e in found["effects"]]
+
+
+def test_an_offset_is_no_dead_band_where_all_commands_are_larger(motion, tmp_path):
+    """Gravity of 5 N m on one side: a dead band of the offset's size would erase nothing."""
+    t, q, _, ddq = motion
+    told = 5.0 + 0.1 * ddq + 0.5 * np.sin(q)
+    (effect,) = closed(tmp_path, {"t": t, "q": q, "tau": told + 0.15, "told": told})["effects"]
+    names = {effect["name"], *effect["indistinguishable_from"]}
+    assert "torque_offset" in names and "torque_deadband" not in names

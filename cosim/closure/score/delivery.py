@@ -22,11 +22,13 @@ class Delivery:
     of: Replicates
     columns: dict[Hashable, Any]
 
-    def behind(self, effect: Effect, joints: Joints, theta: Theta, count: int) -> list[np.ndarray]:
-        """Residuals (m, count) of each joint, of the data and of replicates, with a lag or delay of some joints."""
+    def behind(self, effect: Effect, joints: Joints, theta: Theta, recorded: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Residuals (m, count) of each joint with a lag or delay of some joints; recorded: torques (m, count) of each
+        joint, of the data and of replicates.
+        """
         r, skew = self.of, self._skew_of(joints)
-        x, y = list(r.x), r.recorded(count)
-        equations = [(g, h[:, :count]) for g, h in r.unpassed]
+        x, y = list(r.x), list(recorded)
+        equations = [(g, h[:, : y[0].shape[1]]) for g, h in r.unpassed]
         for j in joints:
             x[j], given = self._passed(effect, j, theta)
             y[j] = y[j] + given

@@ -190,7 +190,7 @@ class Screen(Replicates):
         """Scaled residuals (J, m) with a law beside the model."""
         effect, joints, theta = choice.effect, choice.joints, choice.theta
         if isinstance(effect, Late):
-            return np.stack([e[:, 0] for e in self.drive.behind(effect, joints, theta, 1)])
+            return np.stack([e[:, 0] for e in self.drive.behind(effect, joints, theta, self.recorded(1))])
         left = self.e[..., 0].copy()
         if isinstance(effect, Erasing):
             left[joints[0]] = self.drive.delivered(effect, joints[0], theta, 1)[0][:, 0]
@@ -205,15 +205,15 @@ class Screen(Replicates):
         """A lag or delay of the prediction: the whole design of its joints passes through it."""
         if any(self.model.late(j) for j in joints):
             return None
-        before = self.loss.sum(axis=0)
+        before, every = self.loss.sum(axis=0), self.recorded(1 + self.replicates)
 
         def told(theta: Theta, count: int) -> np.ndarray:
-            e = self.drive.behind(effect, joints, theta, count)
+            e = self.drive.behind(effect, joints, theta, [y[:, :count] for y in every])
             return before[:count] - sum(self.losses(own, j) for j, own in enumerate(e))
 
         theta, gain = self._against_chance(effect, thetas, sought, told)
         choice = ChosenEffect(effect, joints, theta)
-        share = self.drive.explained([own[:, 0] for own in self.drive.behind(effect, joints, theta, 1)])
+        share = self.drive.explained([own[:, 0] for own in self.drive.behind(effect, joints, theta, self.recorded(1))])
         return Screened(choice, gain, share, self, self.of_noise(choice, float(gain[0])))
 
     def _erasing(

@@ -20,7 +20,7 @@ from cosim.closure.model.choice import ChosenEffect
 from cosim.closure.model.families import Family
 from cosim.closure.model.model import Model, with_choices
 from cosim.closure.score.compare import gained, preferred
-from cosim.closure.score.null import ranked_laws, screened_families
+from cosim.closure.score.null import by_chance, ranked_laws, screened_families
 from cosim.closure.score.refinement import refined
 from cosim.closure.score.screen import Screened
 from cosim.closure.score.search import EffectSearch, resettled
@@ -301,7 +301,8 @@ def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival,
         if x.gain[0] > CLOSE * others[0].gain[0]:
             new = with_choices(rest, (*rest.choices, refined(x)))
             if gained(new, rest) > 0 and not new.unphysical(len(new.choices) - 1):
-                out.append(Rival(new.choices[-1], preferred(model, new), gained(new, rest)))
+                told = gained(model, new) > by_chance(1)  # all blocks have seen nonlinear parameters: each gains a little
+                out.append(Rival(new.choices[-1], preferred(model, new) if told else 0.0, gained(new, rest)))
     return tuple(sorted(out, key=lambda r: -r.nats))
 
 

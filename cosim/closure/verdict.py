@@ -40,8 +40,9 @@ class NamedEffect:
     """A named effect as the model has it: nats that it earns and by how many standard errors blocks prefer it,
     parameters with 95 % intervals, rivals.
 
-    untestable: aliases that this data could not have shown; doubts: why another cause may stand behind it; acting:
-    joints (0-based) on which it acts; earlier: of an earlier pass; wider: the family that does better than the law.
+    untestable: aliases, of it or of rivals that blocks do not tell from it, that this data could not have shown or no
+    motion shows; doubts: why another cause may stand behind it; acting: joints (0-based) on which it acts; earlier: of
+    an earlier pass; wider: the family that does better than the law.
     """
 
     choice: ChosenEffect
@@ -90,7 +91,8 @@ class NamedEffect:
         """
         inherent = [alias.name for alias in self.inherent]
         close = [r.choice.effect.name for r in self.rivals if r.worse < SAME]
-        return tuple(dict.fromkeys((*inherent, *close, *self.untestable)))
+        names = dict.fromkeys((*inherent, *close, *self.untestable))
+        return tuple(name for name in names if name != self.name)
 
     @property
     def aliases(self) -> tuple[str, ...]:
@@ -210,7 +212,7 @@ def _finding(
         interval,
         rivals=known,
         inherent=choice.effect.inherent(model.estimate(number)),
-        untestable=tuple(dict.fromkeys(a.name for e in alike for a in e.aliases if a.name not in tested)),
+        untestable=tuple(dict.fromkeys(a.name for e in alike for a in e.aliases if a.always or a.name not in tested)),
         doubts=tuple(filter(None, why)),
         separated=tuple((r.choice.effect.name, where_apart(model, rest, r)) for r in known if r.worse < SAME),
         acting=acting,

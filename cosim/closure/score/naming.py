@@ -301,7 +301,7 @@ def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival,
         if x.gain[0] > CLOSE * others[0].gain[0]:
             new = with_choices(rest, (*rest.choices, refined(x)))
             if gained(new, rest) > 0 and not new.unphysical(len(new.choices) - 1):
-                told = gained(model, new) > by_chance(1)  # all blocks have seen nonlinear parameters: each gains a little
+                told = gained(model, new) > by_chance(1)  # a parameter that all blocks have seen helps each a little
                 out.append(Rival(new.choices[-1], preferred(model, new) if told else 0.0, gained(new, rest)))
     return tuple(sorted(out, key=lambda r: -r.nats))
 

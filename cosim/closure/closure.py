@@ -15,7 +15,7 @@ from cosim.closure.model.model import Model, complete, with_choices
 from cosim.closure.model.motion import SmoothedMotion, prepare, thinned
 from cosim.closure.model.setting import formulate
 from cosim.closure.refusal import Refusal, circular, hidden, motion_refusals
-from cosim.closure.score.checks import incomplete, unseparated
+from cosim.closure.score.checks import incomplete, surprising, unseparated
 from cosim.closure.score.compare import reported
 from cosim.closure.score.errors import TorqueError, torque_error
 from cosim.closure.score.floor import floor
@@ -100,9 +100,11 @@ def _closed(recording: Recording, options: Options) -> Closure:
     progress("searching for missing effects")
     found = search(before, options.effects, options.most, progress)
     verdict = _judged(found, options)
-    if found.firm is not None and verdict.withdrawn:
+    gone = [(c, why) for c, why in verdict.withdrawn if found.few is not None and c.key == found.few.key]
+    if gone and found.firm is not None:
         found = found.firm
         verdict = _judged(found, options)
+        verdict = evolve(verdict, withdrawn=(*verdict.withdrawn, *gone))
     before.formed.forget()
     unseen = hidden(motion, rows)
     if unseen and verdict.answer is Answer.COMPLETE:
@@ -113,7 +115,7 @@ def _closed(recording: Recording, options: Options) -> Closure:
 
 def _judged(found: EffectSearch, options: Options) -> ClosureVerdict:
     """The verdict of the fitted rows without what the report contradicts. Here the rows of the report are looked at,
-    for the first time and once: they can only take away.
+    when all is chosen: they can only take away.
     """
     verdict = judge(found, options.effects, options.progress)
     return _no_worse(verdict, evolve(found.before, tangents=False), options.effects)
@@ -171,7 +173,7 @@ def _no_worse(verdict: ClosureVerdict, before: Model, effects: Sequence[Effect])
     new = tuple(f for f in verdict.findings if not f.earlier)
     joints = {j for f in new for j in f.acting}
     text, risen = "", _worse(torque_error(before, model), joints)
-    if risen and (reported(model, before, tuple(sorted(joints))) <= 0 or joints & set(incomplete(model))):
+    if risen and (reported(model, before, tuple(sorted(joints))) <= 0 or joints & surprising(model)):
         text = "rows of the report are no better with it"
     error = torque_error(before, verdict.models()[1])
     least = min((e for e in (*error.before, *error.after) if np.isfinite(e)), default=0.0)

@@ -40,9 +40,9 @@ class NamedEffect:
     """A named effect as the model has it: nats that it earns and by how many standard errors blocks prefer it,
     parameters with 95 % intervals, rivals.
 
-    untestable: aliases, of it or of rivals that blocks do not tell from it, that this data could not have shown or no
-    motion shows; doubts: why another cause may stand behind it; acting: joints (0-based) on which it acts; earlier: of
-    an earlier pass; wider: the family that does better than the law.
+    untestable: aliases that this data could not have shown, and those of rivals that blocks do not tell from it, that
+    the device cannot test or no motion shows; doubts: why another cause may stand behind it; acting: joints (0-based)
+    on which it acts; earlier: of an earlier pass; wider: the family that does better than the law.
     """
 
     choice: ChosenEffect
@@ -90,7 +90,7 @@ class NamedEffect:
         from it, those that could not be tested.
         """
         inherent = [alias.name for alias in self.inherent]
-        close = [r.choice.effect.name for r in self.rivals if r.worse < SAME]
+        close = [r.choice.effect.name for r in self.rivals if r.close]
         names = dict.fromkeys((*inherent, *close, *self.untestable))
         return tuple(name for name in names if name != self.name)
 
@@ -102,7 +102,7 @@ class NamedEffect:
     @property
     def separated_by(self) -> str:
         """The experiments that would tell it from its aliases."""
-        close = [alias for r in self.rivals if r.worse < SAME for alias in r.choice.effect.aliases]
+        close = [alias for r in self.rivals if r.close for alias in r.choice.effect.aliases]
         known = {alias.name: alias.separated_by for alias in (*close, *self.effect.aliases, *self.inherent)}
         known |= dict(self.separated)
         if self.doubts:
@@ -199,11 +199,14 @@ def _finding(
         doubt_of(model, choice, acting),
         model.unphysical(number),
         f"blocks that it has not seen prefer it by {sure_by:.1f} standard errors only" if sure_by <= SAME else "",
-        "" if choice.key in search.firm_keys else "it was found beside a law that few blocks show",
+        search.few_blocks(choice),
     )
     tried = (*(search.steps[0].found if search.steps else ()), *(u for u in search.untestable if u.ruled_out))
-    tested = {x.choice.effect.name for x in tried if set(x.choice.joints) & set(acting)}
-    alike = (choice.effect, *(r.choice.effect for r in known if r.worse < SAME))
+    held = (x.choice for x in tried)
+    tested = {c.effect.name for c in (*held, *model.choices) if set(c.joints) & set(acting)}
+    unseen = {e.name for e in effects if e.unseen(model.scene)} - tested
+    own = [a.name for a in choice.effect.aliases if a.name not in tested]
+    through = [a for r in known if r.close for a in r.choice.effect.aliases if a.always or a.name in unseen]
     return NamedEffect(
         choice,
         gained(model, rest),
@@ -212,9 +215,9 @@ def _finding(
         interval,
         rivals=known,
         inherent=choice.effect.inherent(model.estimate(number)),
-        untestable=tuple(dict.fromkeys(a.name for e in alike for a in e.aliases if a.always or a.name not in tested)),
+        untestable=(*own, *(a.name for a in through)),
         doubts=tuple(filter(None, why)),
-        separated=tuple((r.choice.effect.name, where_apart(model, rest, r)) for r in known if r.worse < SAME),
+        separated=tuple((r.choice.effect.name, where_apart(model, rest, r)) for r in known if r.close),
         acting=acting,
     )
 

@@ -196,16 +196,12 @@ class Hysteresis(Effect):
         return (length, float(np.clip(ratio, *self.RATIOS)), float(np.clip(tilt, -1.0, 1.0)))
 
     def columns(self, scene: Scene, joints: Joints, theta: Theta) -> Columns:
-        return self.columns_of_all(scene, joints, (theta,))[0]
+        return {joints[0]: _presliding(scene.motion, joints[0], (theta,))}
 
     def columns_of_all(self, scene: Scene, joints: Joints, thetas: Sequence[Theta]) -> Sequence[Columns]:
-        states = np.empty((len(scene.motion.time), len(thetas)))
-        rich = np.array([theta[1] > 0 for theta in thetas])
-        length, ratio, tilt = np.array(thetas).T
-        if not rich.all():
-            states[:, ~rich] = dahl(scene.motion, joints[0], length[~rich])
-        if rich.any():
-            states[:, rich] = elements(scene.motion, joints[0], length[rich], ratio[rich], tilt[rich])
+        if type(self).columns is not Hysteresis.columns:  # an effect of a user's own
+            return super().columns_of_all(scene, joints, thetas)
+        states = _presliding(scene.motion, joints[0], thetas)
         return [{joints[0]: states[:, [k]]} for k in range(len(thetas))]
 
     def labels(self, joints: Joints, theta: Theta) -> tuple[Label, ...]:
@@ -216,6 +212,18 @@ class Hysteresis(Effect):
 
     def unphysical(self, estimate: EffectEstimate) -> str:
         return "a negative hysteresis gives energy back" if estimate.beta[0] < 0 else ""
+
+
+def _presliding(motion: Motion, joint: int, thetas: Sequence[Theta]) -> np.ndarray:
+    """State (n, k) of each theta: of Dahl's law, or of the elements."""
+    states = np.empty((len(motion.time), len(thetas)))
+    length, ratio, tilt = np.array(thetas).T
+    rich = ratio > 0
+    if not rich.all():
+        states[:, ~rich] = dahl(motion, joint, length[~rich])
+    if rich.any():
+        states[:, rich] = elements(motion, joint, length[rich], ratio[rich], tilt[rich])
+    return states
 
 
 def dahl(motion: Motion, joint: int, length: np.ndarray) -> np.ndarray:

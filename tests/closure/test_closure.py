@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from cosim.closure.score.naming import _Group
 from cosim.closure.verdict import Answer
 from cosim.effects import BUILT_IN, library, load_effects
 from cosim.effects.constants import FREEDOM, SAME
-from cosim.effects.position import dahl
+from cosim.effects.position import Hysteresis, dahl
 from cosim.errors import InputError
 from cosim.measured import Label, PhantomDevice, Recording, RecordingDescription, Run, parse_description
 from tests.support.contract import EFFECTS
@@ -84,12 +85,31 @@ def usual_weights(x, y, block):
     return (20 + FREEDOM) / (FREEDOM + sse / variance)
 
 
-def test_dahl_state_solves_its_differential_equation():
-    class BareMotion:
-        time = np.linspace(0, 2, 20001)
-        q = 0.1 * np.sin(2 * np.pi * time)[:, None]
-        bounds = ((0, 20001),)
+class BareMotion:
+    time = np.linspace(0, 2, 20001)
+    q = 0.1 * np.sin(2 * np.pi * time)[:, None]
+    bounds = ((0, 20001),)
 
+
+class Softer(Hysteresis):
+    """A user's own: half of it."""
+
+    def columns(self, scene, joints, theta):
+        return {j: 0.5 * column for j, column in super().columns(scene, joints, theta).items()}
+
+
+def test_states_of_presliding_are_the_same_one_by_one_and_together():
+    """Of Dahl's law and of the elements, in any order; an effect of a user's own keeps its columns."""
+    scene = SimpleNamespace(motion=BareMotion)
+    thetas = ((0.03, 2.0, 0.2), (0.05, 0.0, 0.0), (0.1, 1.5, -0.4))
+    together = Hysteresis().columns_of_all(scene, (0,), thetas)
+    softer = Softer().columns_of_all(scene, (0,), thetas)
+    for theta, column, half in zip(thetas, together, softer, strict=True):
+        np.testing.assert_array_equal(Hysteresis().columns(scene, (0,), theta)[0], column[0])
+        np.testing.assert_array_equal(2 * half[0], column[0])
+
+
+def test_dahl_state_solves_its_differential_equation():
     z = dahl(BareMotion, 0, np.array([0.03]))[:, 0]
     dq = np.gradient(BareMotion.q[:, 0], BareMotion.time)
     left = np.gradient(z, BareMotion.time) - (dq - np.abs(dq) * z) / 0.03
@@ -527,6 +547,15 @@ def test_an_effect_of_few_blocks_is_named_and_never_sure():
     assert (found.name, found.aliases[-1]) == ("external_contact", "unknown")
     assert found.sure_by < SAME and any("standard errors only" in doubt for doubt in found.doubts)
     assert found.parameters[Label("stop_angle", 1)] == pytest.approx(1.07, abs=5e-3)
+
+
+def test_a_law_of_few_blocks_that_the_report_takes_away_is_told_and_leaves_the_answer_without_it(monkeypatch):
+    """The same wall, and a report that contradicts it."""
+    monkeypatch.setattr("cosim.closure.closure._worse", lambda error, joints: True)
+    monkeypatch.setattr("cosim.closure.closure.reported", lambda new, old, joints: -1.0)
+    found = drawn(lambda q: np.maximum(q - 1.07, 0.0), fitted=20.0)
+    assert (found.answer, found.findings) == (Answer.COMPLETE, ())
+    assert [c.effect.name for c, _ in found.withdrawn] == ["external_contact"]
 
 
 def test_what_only_held_out_rows_show_is_no_complete_model():

@@ -46,9 +46,21 @@ def incomplete(model: Model) -> dict[int, str]:
     for j in range(model.setting.joints):
         if left[j] ** 2 > NOISE * noise[j] ** 2 and left[j] > SMALL * torque[j]:
             out[j] = f"it leaves {left[j] / max(noise[j], 1e-300):.3g} times the noise of its sensors"
-        elif (times := _reported(model, j, noise[j])) and all(_reported(m, j, noise[j]) for m in _alike(model, j)):
+        elif times := _surprise(model, j, noise[j]):
             out[j] = f"it leaves {times:.3g} times as much on reported rows as fitted ones let expect"
     return out
+
+
+def surprising(model: Model) -> set[int]:
+    """Joints (0-based) of which reported rows leave more than fitted ones let expect."""
+    noise = from_sensors(model)
+    return set() if noise is None else {j for j in range(model.setting.joints) if _surprise(model, j, noise[j])}
+
+
+def _surprise(model: Model, joint: int, noise: float) -> float:
+    """`_reported`, zero where it is not so with a friction law that fitted rows cannot tell from the model's."""
+    times = _reported(model, joint, noise)
+    return times if times and all(_reported(m, joint, noise) for m in _alike(model, joint)) else 0.0
 
 
 def _reported(model: Model, joint: int, noise: float) -> float:

@@ -34,11 +34,19 @@ CLOSE = 0.5  # least share of the largest gain of those
 
 @frozen(eq=False)
 class Rival:
-    """A law in the place of a name: how much worse, in standard errors of blocks, and in nats."""
+    """A law in the place of a name: by how many standard errors of blocks it is worse, what it earns in nats; `less`:
+    the name earns more than it by more than one parameter does by chance.
+    """
 
     choice: ChosenEffect
     worse: float
     nats: float
+    less: bool = True
+
+    @property
+    def close(self) -> bool:
+        """Whether the data do not tell it from the name."""
+        return self.worse < SAME or not self.less
 
 
 @frozen(eq=False)
@@ -301,8 +309,8 @@ def rivals(model: Model, number: int, effects: Sequence[Effect]) -> tuple[Rival,
         if x.gain[0] > CLOSE * others[0].gain[0]:
             new = with_choices(rest, (*rest.choices, refined(x)))
             if gained(new, rest) > 0 and not new.unphysical(len(new.choices) - 1):
-                told = gained(model, new) > by_chance(1)  # a parameter that all blocks have seen helps each a little
-                out.append(Rival(new.choices[-1], preferred(model, new) if told else 0.0, gained(new, rest)))
+                less = gained(model, new) > by_chance(1)  # a parameter that all blocks have seen helps each a little
+                out.append(Rival(new.choices[-1], preferred(model, new), gained(new, rest), less))
     return tuple(sorted(out, key=lambda r: -r.nats))
 
 

@@ -117,8 +117,8 @@ class Replicates:
         return e - self.x @ self.solved(self.x, e)
 
     def recorded(self, count: int) -> list[np.ndarray]:
-        """Scaled torque (m, count) of each joint, of the data and of replicates: prediction and residuals. Formed anew
-        each time: of a long recording they are large.
+        """Scaled torque (m, count) of each joint, of the data and of replicates: prediction and residuals. Of a
+        long recording they are large, and kept nowhere.
         """
         if count == 1:
             return [y[:, None] for y in self.y]

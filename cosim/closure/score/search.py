@@ -31,20 +31,25 @@ class SearchStep:
 
 @frozen(eq=False)
 class EffectSearch:
-    """The models before and after, the rounds, and what could not be tested; `firm`: the search before the first law
-    that lives in few blocks, None where there is none.
+    """The models before and after, the rounds, and what could not be tested; `few`: the first law that was taken though
+    it lives in few blocks, `firm`: the search before it; None where there is none.
     """
 
     before: Model
     model: Model
     steps: tuple[SearchStep, ...] = ()
     untestable: tuple[Untestable, ...] = ()
+    few: ChosenEffect | None = None
     firm: "EffectSearch | None" = None
 
-    @property
-    def firm_keys(self) -> frozenset[object]:
-        """Laws that were found before the first one that lives in few blocks."""
-        return frozenset(c.key for c in (self.firm or self).model.choices)
+    def few_blocks(self, choice: ChosenEffect) -> str:
+        """Why a law is not sure that was found as, or on a joint of, one that lives in few blocks; empty where not."""
+        if self.few is None or self.firm is None or choice.key in {c.key for c in self.firm.model.choices}:
+            return ""
+        if choice.key == self.few.key:
+            return "few blocks showed it when it was found"
+        shared = set(choice.joints) & set(self.few.joints)
+        return "it was found beside a law that few blocks showed" if shared else ""
 
     @property
     def trials(self) -> int:
@@ -57,6 +62,7 @@ def search(
 ) -> EffectSearch:
     """Laws added one at a time. Everything is fitted again beside each: rigid body, friction and its form, skew."""
     model, steps, untestable = before, [], ()
+    few: ChosenEffect | None = None
     firm: EffectSearch | None = None
     for number in range(most):
         found, unknown = screened_laws(model, effects)
@@ -64,14 +70,17 @@ def search(
         best = _best(model, [x for x in found if x.clear], by_chance(len(found)))
         tried = tuple(x.kept for x in found)
         if firm is None and best is not None and preferred(best, model) <= SAME:
-            firm = EffectSearch(before, simplified(model), (*steps, SearchStep(tried, None)), untestable)
+            few, firm = (
+                best.choices[-1],
+                EffectSearch(before, simplified(model), (*steps, SearchStep(tried, None)), untestable),
+            )
         steps.append(SearchStep(tried, best))
         if best is None:
             break
         model = resettled(best)
         tell(f"found {model.choices[-1].effect.name} ({number + 1})")
         model = exchanged(model, before, effects)
-    return EffectSearch(before, simplified(model), tuple(steps), untestable, firm)
+    return EffectSearch(before, simplified(model), tuple(steps), untestable, few, firm)
 
 
 def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
@@ -85,7 +94,8 @@ def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
             continue
         rest = with_choices(model, tuple(c for c in model.choices if c is not choice))
         found = ranked_laws(rest, effects, model.acting(model.choices.index(choice)))
-        if any(x.noise and x.choice.key == choice.key for x in found):
+        own = next((x for x in found if x.choice.key == choice.key), None)
+        if own is not None and own.screen.of_noise(choice, max(float(own.gain[0]), gained(model, rest))):
             model = resettled(rest)
             continue
         new = _best(rest, [x for x in found if not x.noise], by_chance(len(found)))

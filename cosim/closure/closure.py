@@ -100,8 +100,8 @@ def _closed(recording: Recording, options: Options) -> Closure:
     progress("searching for missing effects")
     found = search(before, options.effects, options.most, progress)
     verdict = _judged(found, options)
-    gone = [(c, why) for c, why in verdict.withdrawn if found.few is not None and c.key == found.few.key]
-    if gone and found.firm is not None:
+    gone = [(c, why) for c, why in verdict.withdrawn if found.few and c.key == found.few.key]
+    if gone and found.firm:
         found = found.firm
         verdict = _judged(found, options)
         verdict = evolve(verdict, withdrawn=(*verdict.withdrawn, *gone))
@@ -172,7 +172,7 @@ def _no_worse(verdict: ClosureVerdict, before: Model, effects: Sequence[Effect])
         verdict = evolve(verdict, best=model)
     new = tuple(f for f in verdict.findings if not f.earlier)
     joints = {j for f in new for j in f.acting}
-    text, risen = "", _worse(torque_error(before, model), joints)
+    text, risen = "", bool(joints) and _worse(torque_error(before, model), joints)
     if risen and (reported(model, before, tuple(sorted(joints))) <= 0 or joints & surprising(model)):
         text = "rows of the report are no better with it"
     error = torque_error(before, verdict.models()[1])
@@ -180,12 +180,10 @@ def _no_worse(verdict: ClosureVerdict, before: Model, effects: Sequence[Effect])
     poor = least > 100 * HALF
     if poor:
         text = f"the model explains less than half of the torque (RMS error {least:.0f} %): no effect can be named"
-    if risen and not text:
-        why = "the error of the reported rows does not fall with it"
-        doubted = (f if f.earlier else evolve(f, doubts=(*f.doubts, why)) for f in verdict.findings)
-        return evolve(verdict, findings=tuple(doubted))
     if not text:
-        return verdict
+        why = ("the error of the reported rows does not fall with it",) if risen else ()
+        doubted = (f if f.earlier else evolve(f, doubts=(*f.doubts, *why)) for f in verdict.findings)
+        return evolve(verdict, findings=tuple(doubted))
     answer = Answer.UNEXPLAINED if poor or new or verdict.leftovers or incomplete(before) else Answer.COMPLETE
     alone = joints - {x.joint for x in verdict.leftovers}
     left = () if poor else closest(before, tuple(sorted(alone)), effects)

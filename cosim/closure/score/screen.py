@@ -5,7 +5,7 @@ grid of nonlinear parameters on data and replicates alike.
 """
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -205,15 +205,15 @@ class Screen(Replicates):
         """A lag or delay of the prediction: the whole design of its joints passes through it."""
         if any(self.model.late(j) for j in joints):
             return None
-        before, every = self.loss.sum(axis=0), self.recorded(1 + self.replicates)
+        before, recorded = self.loss.sum(axis=0), cache(self.recorded)
 
         def told(theta: Theta, count: int) -> np.ndarray:
-            e = self.drive.behind(effect, joints, theta, [y[:, :count] for y in every])
+            e = self.drive.behind(effect, joints, theta, recorded(count))
             return before[:count] - sum(self.losses(own, j) for j, own in enumerate(e))
 
         theta, gain = self._against_chance(effect, thetas, sought, told)
         choice = ChosenEffect(effect, joints, theta)
-        share = self.drive.explained([own[:, 0] for own in self.drive.behind(effect, joints, theta, self.recorded(1))])
+        share = self.drive.explained([own[:, 0] for own in self.drive.behind(effect, joints, theta, recorded(1))])
         return Screened(choice, gain, share, self, self.of_noise(choice, float(gain[0])))
 
     def _erasing(

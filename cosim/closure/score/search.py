@@ -31,16 +31,21 @@ class SearchStep:
 
 @frozen(eq=False)
 class EffectSearch:
-    """The models before and after, the rounds, and what could not be tested; `few`: the first law that was taken though
-    it lives in few blocks, `firm`: the search before it; None where there is none.
+    """The models before and after, the rounds, and what could not be tested; `firm`: the search before the first law
+    that was taken though it lives in few blocks, None where there is none.
     """
 
     before: Model
     model: Model
     steps: tuple[SearchStep, ...] = ()
     untestable: tuple[Untestable, ...] = ()
-    few: ChosenEffect | None = None
     firm: "EffectSearch | None" = None
+
+    @property
+    def few(self) -> ChosenEffect | None:
+        """The first law that was taken though it lives in few blocks."""
+        taken = self.steps[len(self.firm.steps) - 1].taken if self.firm else None
+        return taken.choices[-1] if taken else None
 
     def few_blocks(self, choice: ChosenEffect) -> str:
         """Why a law is not sure that was found as, or on a joint of, one that lives in few blocks; empty where not."""
@@ -62,7 +67,6 @@ def search(
 ) -> EffectSearch:
     """Laws added one at a time. Everything is fitted again beside each: rigid body, friction and its form, skew."""
     model, steps, untestable = before, [], ()
-    few: ChosenEffect | None = None
     firm: EffectSearch | None = None
     for number in range(most):
         found, unknown = screened_laws(model, effects)
@@ -70,17 +74,14 @@ def search(
         best = _best(model, [x for x in found if x.clear], by_chance(len(found)))
         tried = tuple(x.kept for x in found)
         if firm is None and best is not None and preferred(best, model) <= SAME:
-            few, firm = (
-                best.choices[-1],
-                EffectSearch(before, simplified(model), (*steps, SearchStep(tried, None)), untestable),
-            )
+            firm = EffectSearch(before, simplified(model), (*steps, SearchStep(tried, None)), untestable)
         steps.append(SearchStep(tried, best))
         if best is None:
             break
         model = resettled(best)
         tell(f"found {model.choices[-1].effect.name} ({number + 1})")
         model = exchanged(model, before, effects)
-    return EffectSearch(before, simplified(model), tuple(steps), untestable, few, firm)
+    return EffectSearch(before, simplified(model), tuple(steps), untestable, firm)
 
 
 def exchanged(model: Model, before: Model, effects: Sequence[Effect]) -> Model:
